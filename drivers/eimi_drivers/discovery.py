@@ -23,7 +23,7 @@ from eimi_drivers.interfaces import raised
 from eimi_drivers.lan_instruments import list_lan_instruments
 from eimi_drivers.serial_ports import attached_ports
 from eimi_drivers.supplies import SUPPLIES
-from eimi_drivers.supplies.transport import visa_library
+from eimi_drivers.supplies.visa import visa_library
 
 KORAD_USB_IDS = frozenset({(0x0416, 0x5011)})
 """USB vendor and product numbers of the serial chip in Korad, Tenma and RND supplies.

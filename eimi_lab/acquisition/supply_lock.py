@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eimi_drivers.interfaces import InstrumentError
-from eimi_drivers.supplies.transport import serial_port
+from eimi_drivers.supplies.address import serial_port
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.writer_lock import WriterLock
 

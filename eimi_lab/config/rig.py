@@ -13,8 +13,8 @@ from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.emulators.coil_line import ADDRESS
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import Limits
+from eimi_drivers.supplies.address import check_address
 from eimi_drivers.supplies.supply_names import SUPPLIES
-from eimi_drivers.supplies.transport import check_address
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.interlock import READINGS, Interlock, check_readings
 from eimi_lab.config.materials import TrueMaterials, load_materials

@@ -11,7 +11,7 @@ from eimi_drivers.emulators.sensors import SENSOR_DIALECTS
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.sensors.coil_thermometer import CoilThermometer
 from eimi_drivers.sensors.sensor_names import SENSORS
-from eimi_drivers.supplies.transport import check_address
+from eimi_drivers.supplies.address import check_address
 from eimi_lab.config.interlock import READINGS
 from eimi_lab.config.toml import Table
 

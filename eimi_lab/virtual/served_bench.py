@@ -20,7 +20,8 @@ from eimi_drivers.emulators.gige_process import CameraProcess, gige_process
 from eimi_drivers.emulators.serve import serve_pty, serve_tcp
 from eimi_drivers.emulators.session import EmulatedSession
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.supplies.transport import Responder, split_address
+from eimi_drivers.supplies.address import split_address
+from eimi_drivers.supplies.transport import Responder
 from eimi_lab.config.rig import VIRTUAL, Rig
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.virtual.client_rig import DIALECT_OF_THE_VIRTUAL_SUPPLY, with_virtual_table, write_client_rig

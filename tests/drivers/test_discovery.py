@@ -12,8 +12,8 @@ from serial.tools import list_ports
 from eimi_drivers import discovery
 from eimi_drivers.discovery import Found
 from eimi_drivers.lan_instruments import LanInstrument
+from eimi_drivers.supplies.address import usb_serial_number
 from eimi_drivers.supplies.recognised import recognise
-from eimi_drivers.supplies.transport import usb_serial_number
 
 
 def test_without_instruments_the_search_gives_notes_and_opens_no_port(monkeypatch, tmp_path):

@@ -15,7 +15,8 @@ from eimi_drivers.emulators.korad import KoradDialect
 from eimi_drivers.interfaces import InstrumentTimeout, Limits, ReplyNotUnderstood, SetPointNotTaken
 from eimi_drivers.supplies import transport
 from eimi_drivers.supplies.korad import KoradSupply
-from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport, SerialTransport, VisaTransport
+from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, InProcessTransport, SerialTransport
+from eimi_drivers.supplies.visa import VisaTransport
 
 
 class Rounding(KoradDialect):

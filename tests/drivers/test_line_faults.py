@@ -16,7 +16,7 @@ from eimi_drivers.emulators.faults import Fault, FaultyInstrument
 from eimi_drivers.emulators.hislip import serve_hislip
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout, Limits, PowerSupply, SwitchOffFailed
 from eimi_drivers.supplies import open_supply
-from eimi_drivers.supplies.transport import VisaTransport
+from eimi_drivers.supplies.visa import VisaTransport
 from tests.patience import PATIENCE_S
 
 LIMITS = Limits(current_A=1.0, voltage_V=12.0)

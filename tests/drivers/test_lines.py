@@ -13,15 +13,10 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies import SUPPLIES, transport
+from eimi_drivers.supplies.address import is_serial_port, serial_port, split_address
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
-from eimi_drivers.supplies.transport import (
-    InProcessTransport,
-    SerialTransport,
-    VisaTransport,
-    is_serial_port,
-    serial_port,
-    split_address,
-)
+from eimi_drivers.supplies.transport import InProcessTransport, SerialTransport
+from eimi_drivers.supplies.visa import VisaTransport, open_visa
 
 
 class Port:
@@ -364,11 +359,11 @@ def test_the_library_of_visa_is_chosen_by_the_environment(
     monkeypatch: pytest.MonkeyPatch, opened: list[dict[str, Any]], resources: list[tuple[str, int, Resource]]
 ) -> None:
     monkeypatch.delenv("PYVISA_LIBRARY", raising=False)
-    assert isinstance(transport.open_visa("COM3", 19200, 2), SerialTransport)
+    assert isinstance(open_visa("COM3", 19200, 2), SerialTransport)
     assert (opened[0]["baudrate"], opened[0]["stopbits"]) == (19200, 2)
-    assert isinstance(transport.open_visa("TCPIP::h::INSTR"), VisaTransport)
+    assert isinstance(open_visa("TCPIP::h::INSTR"), VisaTransport)
     monkeypatch.setenv("PYVISA_LIBRARY", "@ivi")
-    assert isinstance(transport.open_visa("COM3"), VisaTransport)
+    assert isinstance(open_visa("COM3"), VisaTransport)
 
 
 class Scripted:

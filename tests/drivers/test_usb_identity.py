@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from eimi_drivers.supplies.transport import usb_serial_number
+from eimi_drivers.supplies.address import usb_serial_number
 
 
 @pytest.fixture

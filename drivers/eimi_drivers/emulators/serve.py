@@ -39,8 +39,9 @@ from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.emulators.xln import XlnDialect
 from eimi_drivers.installed import did_you_mean
 from eimi_drivers.interfaces import InstrumentError, Limits, PowerSupply
+from eimi_drivers.supplies.address import split_address
 from eimi_drivers.supplies.supply_names import supply_driver
-from eimi_drivers.supplies.transport import InProcessTransport, Responder, split_address
+from eimi_drivers.supplies.transport import InProcessTransport, Responder
 
 DIALECTS: dict[str, Callable[..., Responder]] = {
     "korad": KoradDialect,

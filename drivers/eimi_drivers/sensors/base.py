@@ -14,8 +14,10 @@ from eimi_drivers.interfaces import (
     ReplyNotUnderstood,
     SensorReading,
 )
+from eimi_drivers.supplies.address import is_serial_port
 from eimi_drivers.supplies.identity import serial_number_in
-from eimi_drivers.supplies.transport import SerialTransport, Transport, VisaTransport, is_serial_port
+from eimi_drivers.supplies.transport import SerialTransport, Transport
+from eimi_drivers.supplies.visa import VisaTransport
 
 LATE_ANSWER_S = 0.5
 """Wait (s) before a query if the previous query had no answer. An answer that arrives in this time is discarded."""

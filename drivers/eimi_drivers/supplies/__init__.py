@@ -15,7 +15,9 @@ xln             BK Precision XLN supplies
 owon            Owon SPE supplies
 profile         the commands and queries of a SCPI family
 scpi_profiles   the command strings of each SCPI family
-transport       bytes over a serial line, over VISA or to an emulator in the same process
+address         the address of an instrument: a serial port, a VISA resource or a URL, and the channel at its end
+transport       bytes over a serial line, or to an emulator in the same process
+visa            bytes over VISA
 interruptible   a line on which the exchange of messages can be interrupted between two messages
 foreign         report every error of another package's driver in one line
 logged          a line whose messages are written to the log

@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading
 from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, TOO_HOT
-from eimi_drivers.supplies.transport import Transport, open_visa
+from eimi_drivers.supplies.transport import Transport
 from eimi_drivers.supplies.values import number_in
+from eimi_drivers.supplies.visa import open_visa
 
 LONGEST_LINE = 256
 

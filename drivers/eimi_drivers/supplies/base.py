@@ -26,9 +26,10 @@ from eimi_drivers.interfaces import (
     SetPointRefused,
     SwitchOffFailed,
 )
+from eimi_drivers.supplies.address import split_address, usb_serial_number
 from eimi_drivers.supplies.identity import in_words, serial_number_in
 from eimi_drivers.supplies.off import measured_off, off_limit_A
-from eimi_drivers.supplies.transport import Transport, split_address, usb_serial_number
+from eimi_drivers.supplies.transport import Transport
 from eimi_drivers.supplies.values import line_in, number_in, set_point_text
 
 REPLY_TIMEOUT_S = 1.0

@@ -10,9 +10,11 @@ import re
 from typing import ClassVar
 
 from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading, SetPointNotTaken
+from eimi_drivers.supplies.address import is_serial_port
 from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
 from eimi_drivers.supplies.profile import Profile, Watchdog
-from eimi_drivers.supplies.transport import Transport, is_serial_port, open_visa
+from eimi_drivers.supplies.transport import Transport
+from eimi_drivers.supplies.visa import open_visa
 
 LONGEST_LINE = 4096
 LONGEST_ERROR_QUEUE = 50

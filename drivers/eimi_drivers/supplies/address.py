@@ -1,0 +1,71 @@
+"""Read the address of an instrument: a serial port, a VISA resource or a URL, and the channel at its end."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+
+from eimi_drivers.interfaces import raised
+from eimi_drivers.serial_ports import attached_ports
+
+_log = logging.getLogger(__name__)
+
+_VISA_SERIAL = re.compile(r"ASRL(.+?)(?:::INSTR)?", re.IGNORECASE)
+_VISA_SOCKET = re.compile(r"TCPIP\d*::([^:]+)::(\d+)::SOCKET", re.IGNORECASE)
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+SERIAL_URLS = ("socket://", "rfc2217://")
+"""The permitted pyserial URLs. Other URLs can do harm: ``spy://`` overwrites the file in the URL."""
+_CHANNEL = re.compile(r"(.*)#(\d{1,3})")
+
+
+def split_address(address: str) -> tuple[str, int | None]:
+    """Return an address without its channel, and the number of the channel.
+
+    For an address that ends in ``#2`` the channel is 2. If the address contains no channel, the number is None.
+    """
+    match = _CHANNEL.fullmatch(address)
+    return (match[1], int(match[2])) if match else (address, None)
+
+
+def usb_serial_number(address: str) -> str:
+    """Return the serial number of the USB adapter or instrument to which a serial port belongs.
+
+    The result is empty if the USB device has no serial number, if the port does not belong to a USB device, or if the
+    serial ports cannot be listed.
+    """
+    port = serial_port(address)
+    name = os.path.realpath(port) if port.startswith("/") else port.upper()
+    if not name.startswith(("/", "COM")) or name.startswith("/dev/pts/"):
+        return ""
+    try:
+        devices = attached_ports()
+    except Exception as error:  # without a serial number the supply counts as a supply that cannot be identified
+        _log.info("the serial ports cannot be listed: %s", raised(error))
+        return ""
+    return next((str(device.serial_number or "") for device in devices if device.device == name), "")
+
+
+def serial_port(address: str) -> str:
+    """Return the name under which pyserial opens an address: a port, or a VISA resource of a serial port or socket."""
+    place = split_address(address)[0].removeprefix("\\\\.\\")  # Windows prefix of COM10 and above; pyserial adds it
+    if match := _VISA_SERIAL.fullmatch(place):
+        return f"COM{match[1]}" if match[1].isdecimal() else match[1]
+    match = _VISA_SOCKET.fullmatch(place)
+    return f"socket://{match[1]}:{match[2]}" if match else place
+
+
+def check_address(address: str) -> None:
+    """Raise ValueError if an address is a URL that does not begin with one of `SERIAL_URLS`."""
+    url = _URL.match(serial_port(address))
+    if url and not url[0].lower().startswith(SERIAL_URLS):
+        kinds = " or ".join(SERIAL_URLS)
+        raise ValueError(
+            f"{url[0]} is not supported; give a port such as /dev/ttyUSB0, or a URL that begins with {kinds}"
+        )
+
+
+def is_serial_port(address: str) -> bool:
+    """Return whether an address is a VISA resource of a serial port or, without ``::``, the name of a serial port."""
+    place = split_address(address)[0]
+    return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None

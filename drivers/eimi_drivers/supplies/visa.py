@@ -1,0 +1,170 @@
+"""Exchange bytes with an instrument over VISA.
+
+Every error of VISA is raised as an error of `eimi_drivers.interfaces`. The message of the raised error contains the
+address. The original error is the cause of the raised error. PyVISA is imported when a resource is opened, because the
+import takes long.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+from typing import Any
+
+from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError
+from eimi_drivers.supplies.address import is_serial_port, split_address
+from eimi_drivers.supplies.transport import WRITE_TIMEOUT_S, SerialTransport, Transport, no_answer
+
+OPEN_TIMEOUT_S = 3.0
+
+
+def visa_library() -> str:
+    """Return the VISA library in PyVISA's notation: the environment variable PYVISA_LIBRARY, by default ``@py``."""
+    return os.environ.get("PYVISA_LIBRARY", "@py")
+
+
+def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transport:
+    """Open a VISA resource or a serial port and return the line.
+
+    pyvisa-py does not lock serial ports. If pyvisa-py is the VISA library, a serial port is opened with pyserial.
+
+    Parameters
+    ----------
+    address : str
+        A VISA resource or the name of a serial port.
+    baud_rate : int
+        The speed of a serial line that pyserial opens, bit/s.
+    stop_bits : int
+        The number of stop bits on a serial line that pyserial opens.
+
+    Raises
+    ------
+    InstrumentError
+        The address cannot be opened.
+    """
+    is_serial = is_serial_port(address)
+    if is_serial and visa_library() == "@py":
+        return SerialTransport(address, baud_rate, stop_bits=stop_bits)
+    return VisaTransport(address)
+
+
+class VisaTransport:
+    """A line to an instrument that PyVISA opens as a VISA resource.
+
+    The default VISA library is pyvisa-py (``@py``), which needs no software of the instrument's maker. The environment
+    variable PYVISA_LIBRARY selects another library, such as ``@ivi``. A line that has failed can be used again only
+    after `reopen`.
+
+    Parameters
+    ----------
+    address : str
+        A resource such as ``TCPIP::host::port::SOCKET``, ``TCPIP::host::INSTR`` or ``USB0::…::INSTR`` (needs PyUSB).
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._failed = False
+        self._open()
+
+    def _open(self) -> None:
+        import pyvisa
+
+        place = split_address(self.address)[0]
+        name = place if "::" in place else f"ASRL{place.removeprefix('COM')}::INSTR"
+        if visa_library() == "@py":
+            _wait_by_the_monotonic_clock()
+        try:
+            self._resource: Any = pyvisa.ResourceManager(visa_library()).open_resource(
+                name, open_timeout=round(OPEN_TIMEOUT_S * 1000)
+            )
+        except Exception as error:  # pyvisa-py raises a bare Exception for an unreachable host
+            raise InstrumentDisconnected(
+                f"{self.address}: cannot be opened: {error or type(error).__name__}"
+            ) from error
+        # Sockets and serial lines are streams, in which a late answer to an earlier query remains. The other resources
+        # separate messages, and a read without a query is an error for them.
+        self._is_stream = name.upper().startswith("ASRL") or name.upper().endswith("::SOCKET")
+        try:
+            self._discard_unread()  # a refused TCP connection is reported only at the first transfer of bytes
+        except InstrumentError:
+            with suppress(InstrumentError):
+                self.close()
+            raise
+        self._failed = False
+
+    def reopen(self) -> bool:
+        """Close the resource, open the resource again and return True. Raises InstrumentError if opening fails."""
+        with suppress(InstrumentError):
+            self.close()
+        self._open()
+        return True
+
+    @contextmanager
+    def _errors_named(self, timeout_s: float = WRITE_TIMEOUT_S) -> Iterator[None]:
+        import pyvisa
+
+        try:
+            yield
+        except InstrumentError:
+            raise
+        except pyvisa.errors.VisaIOError as error:
+            if error.error_code == pyvisa.constants.StatusCode.error_timeout:
+                raise no_answer(self.address, timeout_s) from error
+            self._failed = True
+            raise InstrumentDisconnected(f"{self.address}: {error}") from error
+        except Exception as error:  # HiSLIP raises RuntimeError, VXI-11 its own exceptions
+            self._failed = True
+            raise InstrumentDisconnected(f"{self.address}: {error or type(error).__name__}") from error
+
+    def _discard_unread(self) -> None:
+        import pyvisa
+
+        if not self._is_stream:
+            return
+        with self._errors_named():
+            self._resource.timeout = 1  # milliseconds
+            try:
+                self._resource.read_bytes(65536)
+            except pyvisa.errors.VisaIOError as error:
+                if error.error_code != pyvisa.constants.StatusCode.error_timeout:
+                    raise
+
+    def write(self, message: bytes) -> None:
+        """Discard the unread bytes of a socket or a serial line, then send the whole message."""
+        if self._failed:
+            raise InstrumentDisconnected(f"{self.address}: the connection was lost; check the cable of the instrument")
+        self._discard_unread()
+        with self._errors_named():
+            self._resource.timeout = round(WRITE_TIMEOUT_S * 1000)
+            self._resource.write_raw(message)
+
+    def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
+        """Return the next bytes from the resource: at most `size` bytes, or the bytes up to and including `end`.
+
+        Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
+        """
+        with self._errors_named(timeout_s):
+            self._resource.timeout = max(round(timeout_s * 1000), 1)
+            self._resource.read_termination = end.decode("ascii") or None
+            return bytes(self._resource.read_bytes(size, break_on_termchar=bool(end)))
+
+    def close(self) -> None:
+        """Close the resource; closing twice is allowed."""
+        with self._errors_named():
+            self._resource.close()
+
+
+def _wait_by_the_monotonic_clock() -> None:
+    """Make pyvisa-py measure its timeouts with the monotonic clock.
+
+    Without this change pyvisa-py uses the wall clock. If a person sets the wall clock back, a timeout becomes longer by
+    the same time.
+    """
+    from pyvisa_py import sessions, tcpip
+    from pyvisa_py.protocols import rpc
+
+    for module in (sessions, tcpip, rpc):
+        module.time = SimpleNamespace(time=time.monotonic, sleep=time.sleep)
