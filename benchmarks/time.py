@@ -27,7 +27,8 @@ from eimi_fitting.time.channels import signals_of
 from eimi_fitting.time.decay import decay_of
 from eimi_fitting.time.identification import LawOfTime, RecordedMotion, StaticStates, identify_time
 from eimi_fitting.time.measured import Kind, Motion
-from eimi_lab.virtual.moving_beam import MovingBeam, stiffness_of_solid
+from eimi_lab.virtual.moving_beam import MovingBeam
+from eimi_lab.virtual.rod import stiffness_of_solid
 from tests.fitting.test_vibration import MU_PA, NO_LOAD, euler_bernoulli_Hz, thin
 
 NEO = LAWS["neo-hookean"]

@@ -25,7 +25,8 @@ from eimi_fitting.beam.strip import Strip
 from eimi_fitting.beam.view import View
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.materials import TrueMaterial
-from eimi_lab.virtual.moving_beam import MovingBeam, stiffness_of_solid
+from eimi_lab.virtual.moving_beam import MovingBeam
+from eimi_lab.virtual.rod import stiffness_of_solid
 
 Array = NDArray[np.float64]
 
