@@ -7,8 +7,8 @@ calibration and rig can give, such as width, magnet, scale, coil, clamp, angles 
 experiment, the true value of every source is drawn at random with the standard uncertainty of the bench examples. The
 beam with the drawn values is simulated on 26 x 3 elements, and its edges are displaced by the drawn errors of the
 camera. Each edge point gets noise. Half of the variance of this noise is white. The other half has an exponential
-correlation along the edge, as blur, illumination and threshold cause it. The fit knows only the nominal values and
-their uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
+correlation along the edge, as blur, illumination and threshold cause. The fit knows only the nominal values and their
+uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
 
 Two simplifications make this number of experiments affordable:
 
@@ -75,7 +75,7 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the coverage of the intervals in each group of experiments; exit with status 1 if a coverage is wrong."""
+    """Print the coverage of the intervals in each group of experiments; exit with status 1 if one is outside its limits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

@@ -135,8 +135,8 @@ def row(name: str, words: Sequence[str]) -> str:
 def main() -> int:
     """Print a table of the right, open and wrong results, and return the exit status.
 
-    The status is 1 if less than 90 % of the results from both kinds of evidence are right, or if more than 5 % of the
-    results from bending alone are wrong. Otherwise the status is 0.
+    The status is 1 if less than 90 % of the results from bending and tension together are right, or if more than 5 % of
+    the results from bending alone are wrong. Otherwise the status is 0.
     """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")

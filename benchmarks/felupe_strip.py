@@ -63,7 +63,7 @@ def felupes(along: int, across: int) -> Array:
 
 
 def main() -> None:
-    """Print the displacements of the tip by both programs, each on two meshes."""
+    """Print the displacements of the tip by `eimi_fitting` and by FElupe, each on two meshes."""
     for name, model, meshes in (("eimi_fitting", ours, ((13, 1), (26, 3))), ("FElupe", felupes, ((60, 6), (120, 12)))):
         for along, across in meshes:
             x, y = model(along, across)

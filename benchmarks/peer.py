@@ -42,7 +42,7 @@ def errors(tip: Array, reference: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print the times and errors of both programs on all meshes.
+    """Print the times and errors of FElupe and of `eimi_fitting` on all meshes.
 
     With --short the reference is coarse, FElupe has one mesh, and each time is measured only once.
     """

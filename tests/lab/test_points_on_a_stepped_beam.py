@@ -1,4 +1,4 @@
-"""Tracked points may lie on the surface of a beam whose width varies, and keep their places if its sizes are uncertain."""
+"""Tracked points may lie on the surface of a beam of varying width; they stay there if its sizes are uncertain."""
 
 from pathlib import Path
 

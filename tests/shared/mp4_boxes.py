@@ -94,7 +94,7 @@ def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable
 
 
 def _find(content: bytes | bytearray, begin: int, end: int, name: bytes) -> int:
-    """Return the first byte of the box `name`, which is searched between the bytes `begin` and `end`.
+    """Return the position in bytes at which the box `name` begins; it is searched between `begin` and `end`.
 
     Raise ValueError if there is no such box.
     """

@@ -185,9 +185,9 @@ class ScpiSupply(SupplyBase):
         self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Correct the settings without which a set-point would have another meaning (`Profile.modes`).
+        """Set the modes in which the supply obeys the set-points, such as current priority (`Profile.modes`).
 
-        Raises SetPointNotTaken if a setting is still wrong after its correction.
+        Only a wrong mode is set. Raises SetPointNotTaken if the mode is still wrong afterwards.
         """
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))

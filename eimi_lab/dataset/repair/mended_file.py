@@ -33,7 +33,7 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """Return `length` bytes from the position `at` (bytes), with the replacements.
+        """Return `length` bytes from the position `at` (bytes), in which the bytes of `patches` are replaced.
 
         At the end of the file, fewer bytes are returned.
         """
@@ -67,7 +67,7 @@ class MendedFile(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Fill `buffer` with bytes from the present position, with the replacements; return the number of bytes."""
+        """Fill `buffer` with bytes from the present position, also with replaced bytes; return the number of bytes."""
         content = self.bytes_at(self._at, len(buffer))
         buffer[: len(content)] = content
         self._at += len(content)

@@ -87,7 +87,7 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """One possible cause of the residuals of a fit, with its probability.
+    """One possible cause (error of the bench) of the residuals of a fit, with its probability.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ class _Weighing:
     def shown(self, cause: int) -> int:
         """Return the number of amplitudes from which `Cause.value` is computed, for one cause by its index.
 
-        An amplitude is the size of one part of a cause, such as a shift in x.
+        A cause is a possible error of the bench. An amplitude is the size of one part of a cause, such as a shift in x.
         """
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
@@ -290,7 +290,8 @@ class _Weighing:
     def posterior(self) -> Posterior:
         """Return evidence and amplitudes of all hypotheses, after simulations of the probable hypotheses.
 
-        A hypothesis is a set of causes. Its evidence is the probability density of the residuals under the hypothesis.
+        A hypothesis is a set of causes (possible errors of the bench), and an amplitude is the size of a cause. The
+        evidence of a hypothesis is the probability density of the residuals under the hypothesis.
         """
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
@@ -370,14 +371,16 @@ class _Weighing:
     def _misfit(self, y: Array, amplitudes: Array) -> float:
         """Return the mean square of the part of ``y`` that ``amplitudes`` do not explain, over the noise variance.
 
-        ``y`` has the coefficients of the residuals with the opposite sign, in mm.
+        ``y`` has the coefficients of the residuals with the opposite sign, in mm. ``amplitudes`` are the sizes of the
+        errors of the bench.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
         """Return the most probable amplitudes of the causes of one hypothesis, by Gauss-Newton with simulations.
 
-        ``row`` is the index of the hypothesis, a set of causes.
+        ``row`` is the index of the hypothesis, a set of causes (possible errors of the bench). An amplitude is the size
+        of a cause.
         """
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
@@ -443,8 +446,8 @@ class _Weighing:
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
         """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
 
-        The residuals are computed with the linear model for ``amplitudes`` of the law and the causes. Points near the
-        ends of an edge are counted.
+        The residuals are computed with the linear model for ``amplitudes``, the changes of the law and the sizes of the
+        causes (errors of the bench). Points near the ends of an edge are counted.
         """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(

@@ -308,7 +308,7 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other causes that the data do not distinguish from the first cause.
+    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first one.
 
     If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
     of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
@@ -326,7 +326,10 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt: the first cause of the residuals, with similar causes or a second present cause."""
+    """Return the text of a doubt (reason to distrust a fit): the most probable cause of the residuals.
+
+    The text also names the causes that are similar, or a second cause that is probably present too.
+    """
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 

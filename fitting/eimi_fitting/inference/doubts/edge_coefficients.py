@@ -147,7 +147,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance between K states of an error that no cause explains, (K, K).
+    """Return the covariance between K states of an error that no listed error of a bench explains, (K, K).
 
     The covariance of two states is large if their loads are similar.
     """

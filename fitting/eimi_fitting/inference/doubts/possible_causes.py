@@ -227,7 +227,7 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm, (..., 2), of positions (x, y) in mm if the beam is farther from the camera.
 
-    The first amplitude is the distance in mm of the beam behind the plane of the calibration.
+    The first of ``amplitudes`` is the distance in mm of the beam behind the plane of the calibration.
     """
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 

@@ -309,7 +309,9 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return each amplitude of a cause with its signature; empty if the cause does not change the residuals.
+    """Return each amplitude (size) of a cause with its signature; empty if the cause does not change the residuals.
+
+    A cause is a possible error of the bench.
 
     The signature is the change of the residuals in mm for an amplitude of one.
     """
@@ -327,7 +329,10 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets that share an amplitude of a cause, each with its stated uncertainty, else 0."""
+    """Return the groups of datasets in which a cause (a possible error of the bench) has one common size.
+
+    Each group is given with the stated standard uncertainty of the size, or 0 if no uncertainty is stated.
+    """
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -340,7 +345,8 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
     """Return the change of the residuals in mm if one amplitude of a cause is 1; None without an equilibrium.
 
-    The shape is (K, G, m) for G groups of m points in K states.
+    A cause is a possible error of the bench, and an amplitude is its size. The shape is (K, G, m) for G groups of m
+    points in K states.
     """
     if cause.change is None:
         return _as_solid(here)

@@ -89,7 +89,7 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The same evaluation without the priors on the law's parameters."""
+        """The same evaluation of the candidates, without the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property

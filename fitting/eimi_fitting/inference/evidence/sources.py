@@ -100,7 +100,7 @@ class Source:
 
 @dataclass(frozen=True)
 class StatedSource:
-    """The standard uncertainty of one source, as a file specifies it.
+    """The standard uncertainty of one source of uncertainty (an uncertain input), as a file specifies it.
 
     Parameters
     ----------
@@ -393,7 +393,9 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with deviations of its dimensions and materials from their stated values, each (parts,).
+    """Return the specimen with deviations of its dimensions and materials from their stated values.
+
+    A deviation has the shape (parts,); the parts of an input are its numbers, such as the x and y components.
 
     The point of a tip force keeps its position relative to length and width, so that it stays on the specimen.
     """
@@ -411,7 +413,7 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
     """Return the loads with deviations of gravity and field from their stated values, each of shape (parts,).
 
-    The parts of a source are its numbers, such as the x and y components.
+    The parts of an input are its numbers, such as the x and y components.
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
@@ -422,7 +424,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
     """Return the view of the lens with deviations of stand-off and tilt from their stated values, each (parts,).
 
-    The stand-off is the distance of the lens from the beam. The parts of a source are its numbers.
+    The stand-off is the distance of the lens from the beam. The parts of an input are its numbers.
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:

@@ -138,7 +138,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
         The optimum of the problem.
     effects : sequence of Effect
         The changes of the optimum by corrections. The remaining error of the beam model adds to the noise, so that the
-        sources do not explain residuals smaller than this error.
+        uncertain inputs do not explain residuals smaller than this error.
 
     Returns
     -------
@@ -276,7 +276,7 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Return the slopes of the residuals in the unit coordinates (0 to 1) of n unknowns and S sources, in mm.
+    """Return the slopes of the residuals in unit coordinates (0 to 1) of n unknowns and S uncertain inputs, in mm.
 
     The shape is (n + S, K, G, m) for G groups of m points in K states.
     """
