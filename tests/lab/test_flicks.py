@@ -51,6 +51,13 @@ def test_a_beam_that_is_held_aside_before_its_release_is_not_at_rest() -> None:
     assert time_s[last - 1] <= 7.1
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_after_a_small_vibration_is_no_flick(seed: int) -> None:
+    time_s = np.arange(0.0, 5.0, 1.0 / RATE_HZ)
+    moved = 0.02 * swinging(time_s, 0.5, damping=0.05) + 0.02 * np.random.default_rng(seed).standard_normal(600)
+    assert parts_of(time_s, points(moved)) == [(0, len(time_s))]
+
+
 @pytest.mark.parametrize("released_s", [0.95, 1.0, 1.5])
 def test_the_motion_after_a_given_release_ends_at_the_next_flick(released_s: float) -> None:
     time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)

@@ -51,7 +51,10 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     slow = median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
     size = maximum_filter1d(np.abs(moved - slow), size=frames | 1)
     floor = float(np.quantile(size, 0.1))
-    least = max(_LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0)
+    noise = _white_noise(moved, frames)
+    least = max(
+        _LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0, _OVER_NOISE * noise
+    )
     ending = np.append(np.maximum(size, 1e-9), 1e-9)  # with an end at rest, only the rise of the last flick counts
     highest, _ = find_peaks(np.log(ending), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames)
     peaks = [int(peak) for peak in highest if _is_abrupt(size, int(peak), frames)]
@@ -106,6 +109,17 @@ def _deflection(points_mm: Array) -> Array | None:
     good = np.flatnonzero(np.isfinite(place))
     filled = np.interp(np.arange(len(place)), good, place[good])
     return np.asarray(filled - np.median(filled))
+
+
+def _white_noise(moved: Array, frames: int) -> float:
+    """Return the standard deviation of the noise of a point in mm, from its spectrum above the vibration.
+
+    ``moved`` is the deflection of the point in n frames, mm, shape (n,). ``frames`` is the number of frames in one
+    period of the vibration.
+    """
+    power = np.abs(np.fft.rfft(moved - moved.mean())) ** 2
+    first = min(round(1.5 * len(moved) / frames), len(power) - 2)
+    return float(np.sqrt(np.median(power[first:]) / (np.log(2.0) * len(moved))))
 
 
 def _period(moved: Array, rate_Hz: float) -> int:

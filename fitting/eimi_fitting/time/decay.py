@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.time.channels import Signals, TooFewFrames
-from eimi_fitting.time.decay_checks import doubts_of, is_better, refusal_of, spoilt_until_s
-from eimi_fitting.time.decay_windows import Window, material_windows, windows_of
+from eimi_fitting.time.decay_checks import OVER_NOISE, doubts_of, is_better, refusal_of, spoilt_until_s
+from eimi_fitting.time.decay_windows import Window, material_windows, scatter_of, windows_of
 from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, with_more_modes
 
 Array = NDArray[np.float64]
@@ -24,6 +24,8 @@ MOST_AMPLITUDE = 0.05
 _FEWEST_PERIODS = 5.0
 _FEWEST_FRAMES = 12
 _END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
+_SWING_ERROR = 0.005  # relative error of the frequency with a hanging weight, which also swings a little
+_SWINGS = "; the hanging weight may swing like a pendulum: fix it to the beam, or shorten its thread"
 _LASTING = 0.8  # ratio of the powers in the two halves of a recording; a decaying vibration has a smaller one
 _RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is over 3 times the usual one
 
@@ -135,7 +137,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     if len(part.time_s) < _FEWEST_FRAMES or (last - first) * frequency < _FEWEST_PERIODS:
         told = "".join(f" ({doubt.removeprefix(f'{label}: ')})" for doubt in doubts)
         raise NoVibration(
-            f"{label}: {(last - first) * frequency:.1f} periods in {len(part.time_s)} frames have an amplitude below "
+            f"{label}: {(last - first) * frequency:.1f} periods of a vibration at {frequency:.3g} Hz, in "
+            f"{len(part.time_s)} frames, have an amplitude below "
             f"{MOST_AMPLITUDE:.0%} of the beam's length, but at least {_FEWEST_PERIODS:g} periods in {_FEWEST_FRAMES} "
             f"frames are needed{told}"
         )
@@ -148,23 +151,19 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
                 f"{label}: the first {spoilt_s - first:.2g} s are no free vibration, as when the hand still touches "
                 "the beam; these frames are not used"
             )
-            first, (fitted, windows, used) = spoilt_s, later
-    if used < len(windows):
-        doubts.append(
-            f"{label}: the loss rises from {windows[0].loss:.3g} to {max(w.loss for w in windows):.3g} while the "
-            f"amplitude falls, as when the hanging weight swings like a pendulum; only the first "
-            f"{windows[used - 1].to_s - first:.2g} s were used"
-        )
-        windows = tuple(replace(w, is_used=i < used) for i, w in enumerate(windows))
+            fitted, windows, used = later
+    if used != slice(0, len(windows)):
+        doubts.append(_change_in_words(windows, used, label, hangs))
+        windows = tuple(replace(w, is_used=used.start <= i < used.stop) for i, w in enumerate(windows))
     refusal = refusal_of(fitted, label)
     if refusal:
-        raise NoVibration(refusal)
+        raise NoVibration(refusal + (_SWINGS if hangs else ""))
     doubts += doubts_of(fitted, label)
     return _result(fitted, windows, label, doubts, hangs)
 
 
-def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], int]:
-    """Return the fitted vibrations, the time windows, and the number of windows that are used.
+def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
+    """Return the fitted vibrations, the time windows, and which windows are used.
 
     part: the signals in which the beam vibrates freely; frequency: that of the largest vibration, in Hz; hangs: whether
     a weight hangs from the beam.
@@ -173,15 +172,41 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)
     windows = windows_of(fitted)
-    used = material_windows(windows, hangs)
-    if used < len(windows):
-        fitted = ModalFit.of(part.between(-np.inf, windows[used - 1].to_s), fitted.modes[:1], False)
-    else:
-        fitted = with_more_modes(fitted)
-    bent = ModalFit.of(fitted.signals, fitted.modes, True)
-    if used == len(windows) and fitted.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2:
-        fitted = bent
+    used, every = material_windows(windows, hangs), slice(0, len(windows))
+    if not hangs:
+        whole = with_more_modes(fitted)
+        bent = ModalFit.of(whole.signals, whole.modes, True)
+        if whole.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2 and bent.is_mildly_bent:
+            whole = bent
+        if used == every or whole.noise < OVER_NOISE:
+            return whole, windows, every
+    if used != every:
+        chosen = windows[used]
+        fitted = ModalFit.first_of(part.between(chosen[0].from_s, chosen[-1].to_s), chosen[0].frequency_Hz)
+    if hangs:
+        fitted = fitted.widened(np.hypot([_SWING_ERROR, 0.0], scatter_of(windows, used.stop, fitted.modes[0])))
     return fitted, windows, used
+
+
+def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
+    """Return the doubt about a ring-down of which only some windows are used.
+
+    windows: all windows; used: the used windows; label: where the recording comes from; hangs: whether a weight hangs
+    from the beam.
+    """
+    first, last = windows[used.start], windows[used.stop - 1]
+    if hangs:
+        return (
+            f"{label}: the loss rises from {first.loss:.3g} to {max(w.loss for w in windows):.3g} while the "
+            f"amplitude falls, as when the hanging weight swings like a pendulum; only the first "
+            f"{last.to_s - first.from_s:.2g} s were used"
+        )
+    other = windows[used.stop] if used.stop < len(windows) else windows[used.start - 1]
+    return (
+        f"{label}: from {first.from_s:.3g} to {last.to_s:.3g} s the beam vibrates at {first.frequency_Hz:.4g} Hz with "
+        f"a loss factor of {first.loss:.3g}, but next to this part at {other.frequency_Hz:.4g} Hz with "
+        f"{other.loss:.3g}, as when a hand touches the beam; only this part, with the smaller loss, is used"
+    )
 
 
 def _dense(signals: Signals) -> Signals:
@@ -289,8 +314,10 @@ def _segment(
     falling = np.minimum.accumulate(size[start:])
     floor = np.quantile(size, 0.05)
     again = np.flatnonzero((size[start:] > 2.0 * falling) & (size[start:] > max(10 * floor, 0.1 * size[start:].max())))
-    again = again[again * (time[1] - time[0]) * frequency > 2.0]
-    stop = start + int(again[0]) - round(1.5 / frequency / (time[1] - time[0])) if len(again) else len(size)
+    period = 1 / (frequency * (time[1] - time[0]))  # in frames
+    again = again[again > 2.0 * period]
+    again = np.array([k for k in again if _rises_abruptly(size[start:], int(k), period)], np.intp)
+    stop = start + int(again[0]) - round(1.5 * period) if len(again) else len(size)
     if len(again):
         doubts.append(
             f"{label}: something moves the beam again at {time[min(stop, len(time) - 1)]:.3g} s; later frames are not "
@@ -313,6 +340,18 @@ def _segment(
         first += round(0.5 / frequency / (time[1] - time[0]))  # the hand may still touch the beam
     first = min(first, len(time) - 1)
     return float(time[first]), float(time[min(stop, len(time)) - 1]), doubts
+
+
+def _rises_abruptly(size: Array, at: int, period: float) -> bool:
+    """Return whether the amplitude rises from a third to its next maximum within 1.5 periods, as after a push.
+
+    If two vibrations beat, the amplitude rises more slowly.
+
+    size: the amplitude in n frames, (n,); at: number of a frame in which the amplitude rises; period: in frames.
+    """
+    peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
+    low = np.flatnonzero(size[:peak] < size[peak] / 3)
+    return bool(len(low)) and peak - int(low[-1]) <= 1.5 * period
 
 
 def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
@@ -339,7 +378,9 @@ def _result(fitted: ModalFit, windows: tuple[Window, ...], label: str, doubts: l
         for k, mode in enumerate(fitted.modes)
     )
     if not 0 < modes[0].loss < 1.5 or not np.isfinite(modes[0].covariance).all():
-        raise NoVibration(f"{label}: the vibration at {modes[0].frequency_Hz:.3g} Hz does not decay")
+        raise NoVibration(
+            f"{label}: the vibration at {modes[0].frequency_Hz:.3g} Hz does not decay{_SWINGS if hangs else ''}"
+        )
     vibration = fitted.vibration_mm()
     main = int(np.argmax(np.abs(fitted.vibration_mm(0)).max(axis=0)))
     level = signals.in_mm(signals.reduced) - fitted.slow_mm()

@@ -17,8 +17,8 @@ _SPOILT = 0.06  # share of the amplitude: a larger residual at the start is no f
 _OVER_LATER = 4.0  # such a residual is also this many times that of the later frames
 _MOST_SPOILT = 0.4  # share of the frames that are left out at the start, at most
 _BETTER = 0.6  # ratio of the unexplained shares
-_DOUBTED, _REFUSED = 0.2, 0.6  # residuals divided by the fitted vibration
-_OVER_NOISE = 4.0  # noise near the frequency, divided by the stated noise
+_DOUBTED, _REFUSED = 0.1, 0.6  # residuals divided by the fitted vibration
+OVER_NOISE = 4.0  # noise near the frequency, divided by the stated noise
 _FEWEST_FRAMES = 4.0  # in one period
 _OTHER = 0.1  # share of the amplitude; a weaker vibration near the first one is not mentioned
 _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this many times the first
@@ -74,7 +74,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
     label: where the recording comes from.
     """
     share = unexplained_share(fitted)
-    if share < _REFUSED or fitted.noise < _OVER_NOISE:
+    if share < _REFUSED or fitted.noise < OVER_NOISE:
         return None
     return (
         f"{label}: the motion is no damped vibration of the beam: {share:.0%} of it differs from the best fit, at "
@@ -86,7 +86,7 @@ def doubts_of(fitted: ModalFit, label: str) -> list[str]:
     """Return the doubts about a fit: unexplained motion, close vibrations, and too few frames in one period."""
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
-    if share > _DOUBTED and fitted.noise > _OVER_NOISE:
+    if share > _DOUBTED and fitted.noise > OVER_NOISE:
         doubts.append(
             f"{label}: {share:.0%} of the motion differs from damped vibrations, as when the support moves or a hand "
             "touches the beam; the frequency and the loss factor may be wrong by more than their intervals"

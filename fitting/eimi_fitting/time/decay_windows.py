@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,11 @@ from eimi_fitting.time.modal_fit import ModalFit, exponent, wave
 Array = NDArray[np.float64]
 
 _MOST_WINDOWS = 8
+_SHORTEST_PERIODS = 2.5  # duration of a window
+_CHANGED_FREQUENCY = 0.03  # relative change of the frequency that no amplitude below 5 % of the length explains
+_CHANGED_LOSS = 1.0  # the same for the loss
+_SMALL = 0.2  # share of the amplitude in the first window
+_CERTAIN = 5.0  # standard deviations of such a change
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
     halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
-    longest = (time[-1] - time[0]) / (4 * period)
+    longest = (time[-1] - time[0]) / (_SHORTEST_PERIODS * period)
     count = int(np.clip(min(max(round(halvings), 2), longest), 1, _MOST_WINDOWS))
     frames = len(time) / count
     if frames < 12:
@@ -94,16 +100,55 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
     return tuple(windows)
 
 
-def material_windows(windows: tuple[Window, ...], hangs: bool) -> int:
-    """Return the number n of time windows; the first n windows are used to identify the material.
+def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
+    """Return which time windows are used to identify the material: consecutive windows that agree.
 
-    If the swing of a hanging weight raises the loss, only the windows before the rise are used.
+    With a hanging weight, the windows before the swing of the weight raises the loss are used. Without one, a large
+    change of the frequency or of the loss shows that something touches the beam. A touch adds loss, so that the windows
+    whose loss is certainly the smallest are used.
     """
-    if not hangs or len(windows) < 2:
-        return len(windows)
-    first = windows[0]
+    if len(windows) < 2:
+        return slice(0, len(windows))
+    starts = [0]
     for i, window in enumerate(windows[1:], 1):
-        rise = window.loss - first.loss
-        if rise > 0.2 * first.loss and rise > 3 * np.hypot(window.loss_sigma, first.loss_sigma):
-            return i
-    return len(windows)
+        first = windows[starts[-1]]
+        rise, sigma = window.loss - first.loss, np.hypot(window.loss_sigma, first.loss_sigma)
+        if hangs and rise > 0.2 * first.loss and rise > 3 * sigma:
+            return slice(0, i)
+        change = abs(window.frequency_Hz / first.frequency_Hz - 1)
+        of_frequency = np.hypot(window.frequency_sigma_Hz, first.frequency_sigma_Hz) / first.frequency_Hz
+        if not hangs and (
+            (change > _CHANGED_FREQUENCY and change > _CERTAIN * of_frequency)
+            or (abs(rise) > _CHANGED_LOSS * min(abs(window.loss), abs(first.loss)) and abs(rise) > _CERTAIN * sigma)
+        ):
+            starts.append(i)
+    runs = [slice(first, last) for first, last in pairwise([*starts, len(windows)])]
+    losses = [_largest_loss(windows[run]) for run in runs]
+    return runs[int(np.argmin(losses))]
+
+
+def _largest_loss(windows: Sequence[Window]) -> float:
+    """Return the mean loss factor of windows, plus two standard uncertainties of this mean."""
+    weights = np.array([window.loss_sigma for window in windows]) ** -2.0
+    mean = float(np.array([window.loss for window in windows]) @ weights / weights.sum())
+    return mean + 2 / float(np.sqrt(weights.sum()))
+
+
+def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
+    """Return by how much ln(frequency) and the loss factor differ between time windows beyond their noise, (2,).
+
+    A hanging weight that swings changes both from window to window. The result is the largest difference between a
+    window that is used and the fitted mode, or half of the difference between the last used window and the first one
+    that is not used, if this is larger. Windows at small amplitudes do not count, because there the swing is the larger
+    part of the motion.
+
+    windows: the time windows; used: the number of windows that are used, from the first on; mode: logarithm of the
+    angular frequency, and loss factor, of the fitted mode.
+    """
+    values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
+    sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)
+    is_large = np.array([w.amplitude_mm > _SMALL * windows[0].amplitude_mm for w in windows], bool)[:used]
+    beyond = np.maximum(np.abs(values - mode) - 2 * sigmas, 0.0)[:used][is_large].max(axis=0, initial=0.0)
+    if 0 < used < len(windows):
+        beyond = np.maximum(beyond, 0.5 * np.abs(values[used] - values[used - 1]))
+    return np.asarray(beyond)

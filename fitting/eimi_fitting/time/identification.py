@@ -47,6 +47,7 @@ Array = NDArray[np.float64]
 _MOST_TERMS = 4
 _MOST_CREEP_ROWS = 6  # the records of creep with the largest rotations are used, at most this many
 _LONGEST_S = 30.0  # the relaxation times reach at least this far, because silicones relax for so long
+_SECTION_CHANGE = 0.02  # relative change of the modulus from a planar section to a solid that is doubted
 _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 
@@ -170,6 +171,7 @@ def identify_time(
         ))  # fmt: skip
         rings.append(RingEvidence.of(table, decay))
         doubts += decay.doubts
+    doubts += _doubts_of_section(rings[0].table)
     rings = list(with_scatter(rings))
     middle_Pa = rings[0].table.middle_Pa
     creeps = _creeps(analysed, specimen, law, unit_shape, middle_Pa)
@@ -218,6 +220,21 @@ def identify_time(
         exposure_s=ringing[0][0].motion.exposure_s,
         wall_s=time.perf_counter() - began,
     )
+
+
+def _doubts_of_section(table: RingTable) -> list[str]:
+    """Return the doubt that a solid would have another modulus than the stated planar section, if it is by over 2 %."""
+    try:
+        change = table.solid_over_stated_modulus() - 1
+    except NoEquilibrium:
+        return []
+    if abs(change) < _SECTION_CHANGE:
+        return []
+    section = table.beam.specimen.section
+    return [
+        f'the specimen is described with section = "{section}"; as a solid with these dimensions, the dynamic modulus '
+        f'would be {abs(change):.1%} {"higher" if change > 0 else "lower"}: use section = "solid"'
+    ]
 
 
 def _same(one: Loads, other: Loads) -> bool:

@@ -21,7 +21,7 @@ therefore eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ _MOST_KNOTS = 12
 SIGNIFICANT = 12.0  # an added term must lower chi-square by this many noise variances
 _PEAK = 60.0  # a peak is another mode if its power is this many times the median of the residuals
 _MOST_MODES = 3
+_MOST_BEND = np.array([0.05, 0.5])  # largest kappa_1, and largest kappa_2 divided by the loss factor
+_CLOSE, _CANCELLING = 1.5, 1.5  # ratio of close frequencies; sum of their amplitudes over the measured amplitude
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,15 @@ class ModalFit:
         chi2 = float((residual**2).sum())
         return ModalFit(signals, fitted, bend, has_bend, chi2, noise, covariance, residual, linear)
 
+    def widened(self, sigma: Array) -> ModalFit:
+        """Return the fit with larger uncertainties of the first mode.
+
+        sigma: added standard uncertainties of ln(frequency) and of the loss factor, (2,).
+        """
+        covariance = self.covariance.copy()
+        covariance[:2, :2] += np.diag(sigma**2)
+        return replace(self, covariance=covariance)
+
     @property
     def frequency_Hz(self) -> float:
         """Frequency in Hz of the first mode at small amplitudes."""
@@ -136,6 +147,29 @@ class ModalFit:
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
         return self.signals.in_mm(design[:, rows] @ self.linear[rows])
+
+    @property
+    def cancels(self) -> bool:
+        """Whether close vibrations cancel each other, so that their amplitudes are far above the measured amplitude."""
+        close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
+        parts = [self.vibration_mm(int(k)) for k in np.flatnonzero(close)]
+        sizes = [float(np.abs(part).max()) for part in parts]
+        return sum(sizes) > _CANCELLING * float(np.abs(sum(parts)).max())
+
+    @property
+    def is_mildly_bent(self) -> bool:
+        """Whether frequency and loss factor change with the amplitude as little as those of a beam do."""
+        return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
+
+    def strongest_first(self) -> ModalFit:
+        """Return the fit with the largest of the close vibrations as the first mode."""
+        sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
+        close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
+        strongest = int(np.argmax(np.where(close, sizes, 0.0)))
+        if not strongest:
+            return self
+        order = [strongest, *(k for k in range(len(self.modes)) if k != strongest)]
+        return ModalFit.of(self.signals, self.modes[order], False)
 
     def slow_mm(self) -> Array:
         """Return the fitted baseline (slow motion) in n frames and c channels (coordinates of points), (n, c) in mm.
@@ -176,11 +210,11 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
         mode = np.array([np.log(2 * np.pi * f[best]), max(fitted.modes[0, 1], 0.01)])
         more = ModalFit.of(signals, np.concatenate([fitted.modes, mode[None]]), False)
         frequencies = np.exp(more.modes[:, 0]) / (2 * np.pi)
-        is_sound = 0 < more.modes[-1, 1] < 1 and abs(frequencies[-1] / f[best] - 1) < 0.2
+        is_sound = 0 < more.modes[-1, 1] < 1 and abs(frequencies[-1] / f[best] - 1) < 0.2 and not more.cancels
         if not is_sound or fitted.chi2 - more.chi2 < 3 * SIGNIFICANT * more.noise**2:
             break
         fitted = more
-    return fitted
+    return fitted.strongest_first()
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:

@@ -13,7 +13,7 @@ modulus.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -241,6 +241,22 @@ class RingTable:
         The modulus of the planar model is divided by that of the solid model, which is ``middle_Pa``.
         """
         return self._better[1]
+
+    def solid_over_stated_modulus(self) -> float:
+        """Return the modulus that the lowest frequency gives for a solid, divided by that for the stated section.
+
+        The result is 1 for a specimen whose section is a solid. `NoEquilibrium` is raised if the solid has no
+        equilibrium.
+        """
+        if self.beam.specimen.section == "solid":
+            return 1.0
+        solid = RingTable(replace(self.beam, specimen=replace(self.beam.specimen, section="solid")), self.middle_Pa)
+        stated_Hz, solid_Hz = (
+            float(table.beam.undamped_Hz(self.middle_Pa, 1)[0] * table.solid_over_planar[0]) for table in (self, solid)
+        )
+        stiffer_Hz = float(self.beam.undamped_Hz(1.05 * self.middle_Pa, 1)[0])
+        gain = np.log(1.05) / np.log(stiffer_Hz / self.beam.undamped_Hz(self.middle_Pa, 1)[0])
+        return float((stated_Hz / solid_Hz) ** gain)
 
     @cached_property
     def _better(self) -> tuple[Array, float]:

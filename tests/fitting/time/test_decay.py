@@ -122,6 +122,52 @@ def test_frames_in_which_a_hand_still_touches_the_beam_are_left_out_and_reported
     assert any("are no free vibration" in words for words in found.doubts)
 
 
+def touched(from_s: float, to_s: float, loss: float = 0.6) -> Motion:
+    """Return a ring-down in which a hand adds stiffness and loss between two times; `loss` is the loss factor then."""
+    motion = recorded(rate_Hz=100.0, seconds=4.0)
+    time = motion.time_s[:, 0]
+    is_held = (time >= from_s) & (time < to_s)
+    omega = 2 * np.pi * np.where(is_held, 6.3, 5.48)
+    phase = np.cumsum((1j - 0.5 * np.where(is_held, loss, 0.1)) * omega) / 100.0
+    points = motion.points_mm.copy()
+    rng = np.random.default_rng(5)
+    points[..., 1] = 2.5 * np.exp(phase).real[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2
+    points[..., 1] += 0.01 * rng.standard_normal(points.shape[:2])
+    return replace(motion, points_mm=points)
+
+
+@pytest.mark.parametrize(("from_s", "to_s", "loss"), [(0.0, 0.5, 0.4), (1.0, 1.5, 0.6), (0.8, 4.0, 0.3)])
+def test_only_the_part_in_which_no_hand_touches_the_beam_is_used(from_s: float, to_s: float, loss: float) -> None:
+    found = decay(touched(from_s, to_s, loss))
+    sigma = np.sqrt(np.diag(found.modes[0].covariance))
+    assert abs(np.log(found.modes[0].frequency_Hz / 5.48)) < max(3 * sigma[0], 2e-3)
+    assert abs(found.modes[0].loss - 0.1) < max(3 * sigma[1], 0.005)
+    assert any("touches the beam" in words for words in found.doubts)
+
+
+def test_a_ring_down_is_never_a_difference_of_two_large_vibrations() -> None:
+    found = decay(touched(1.2, 1.6, 0.9))
+    assert len(found.modes) == 1
+
+
+def test_a_weight_that_swings_widens_the_uncertainties_of_the_beam() -> None:
+    motion = recorded(seconds=8.0, loss=0.03)
+    time = motion.time_s[:, 0]
+    swing = 0.6 * np.exp(-0.005 * time) * np.cos(2 * np.pi * 5.0 * time)
+    quiet, swinging = (decay(one, hangs=True).modes[0] for one in (motion, disturbed(motion, swing)))
+    assert abs(np.log(swinging.frequency_Hz / 5.48)) < 2 * np.sqrt(swinging.covariance[0, 0])
+    assert abs(swinging.loss - 0.03) < 2 * np.sqrt(swinging.covariance[1, 1])
+    assert swinging.covariance[1, 1] > 4 * quiet.covariance[1, 1]
+
+
+def test_the_largest_of_two_close_vibrations_is_the_first_one() -> None:
+    motion = recorded(loss=0.03, amplitude_mm=0.9)
+    time = motion.time_s[:, 0]
+    other = 2.0 * np.exp(-0.015 * 2 * np.pi * 6.5 * time) * np.cos(2 * np.pi * 6.5 * time)
+    found = decay(disturbed(motion, other))
+    assert found.modes[0].frequency_Hz == pytest.approx(6.5, rel=5e-3)
+
+
 def test_a_vibration_near_the_first_one_is_separated_and_named() -> None:
     motion = recorded(loss=0.03)
     time = motion.time_s[:, 0]

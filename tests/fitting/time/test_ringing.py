@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from eimi_fitting import LAWS, Loads, Magnet, Specimen
 from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of
-from eimi_fitting.time.decay import decay_of
+from eimi_fitting.time.decay import RingMode, decay_of
+from eimi_fitting.time.evidence import RingEvidence
 from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.ringing import RingingBeam, RingTable
@@ -92,3 +95,32 @@ def test_a_material_that_is_softer_at_rest_than_the_table_keeps_its_modulus_in_t
 
     roots = of_table.roots(np.log(at_rest), lambda s: np.broadcast_to(ratios[:, None] + 0j, s.shape), 1)[:, 0]
     assert roots.imag[1] == pytest.approx(roots.imag[0], rel=1e-9)
+
+
+def test_a_planar_section_of_a_thick_beam_is_compared_with_a_solid() -> None:
+    cube = Specimen(60.0, 20.0, 20.0, 1070.0, section="plane-stress")
+    level = Loads.along([0.0], gravity_angle_deg=-90.0)
+    of_table = RingTable(RingingBeam(cube, level, LAWS["neo-hookean"], np.ones(1)), 90e3)
+    share = of_table.solid_over_stated_modulus()
+    solid = RingTable(RingingBeam(replace(cube, section="solid"), level, LAWS["neo-hookean"], np.ones(1)), share * 90e3)
+
+    def frequency_Hz(one: RingTable) -> float:
+        return float(one.beam.undamped_Hz(one.middle_Pa)[0] * one.solid_over_planar[0])
+
+    assert share < 0.97
+    assert frequency_Hz(solid) == pytest.approx(frequency_Hz(of_table), rel=2e-3)
+    assert solid.solid_over_stated_modulus() == 1.0
+
+
+def test_with_a_hanging_weight_only_the_lowest_vibration_is_used() -> None:
+    beam = RingingBeam(BEAM, Loads.along([0.0]), LAWS["neo-hookean"], np.ones(1))
+    of_table = RingTable(beam, 48e3)
+    computed = of_table.beam.undamped_Hz(48e3) * of_table.solid_over_planar
+    modes = tuple(RingMode(float(f), 0.1, np.diag([1e-6, 1e-6])) for f in computed[:2])
+    time = np.arange(400)[:, None] / 100.0
+    points = np.stack([np.full(time.shape, 30.0), np.exp(-time) * np.cos(2 * np.pi * computed[0] * time)], axis=-1)
+    motion = Motion("ring_down", points, np.array([[30.0, 0.0]]), time, np.full(time.shape, 0.01))
+    decay = replace(decay_of(signals_of(motion), "swing", 30.0, is_stepped=False), modes=modes)
+    assert [number for number, _ in RingEvidence.of(of_table, decay).modes] == [0, 1]
+    hanging = RingTable(replace(beam, hanging_N=0.001), 48e3)
+    assert [number for number, _ in RingEvidence.of(hanging, decay).modes] == [0]
