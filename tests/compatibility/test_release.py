@@ -58,7 +58,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     return run
 
 
-def test_its_calibration_has_the_same_hash() -> None:
+def test_the_calibration_of_a_release_has_the_same_hash() -> None:
     """The hash of the release's calibration has not changed.
 
     Stored edges refer to their calibration by this hash.
@@ -93,38 +93,40 @@ def fitted(path: Path) -> Any:
     return json.loads(path.read_text())["fits"]
 
 
-def test_its_toml_files_are_read(release: Path) -> None:
+def test_the_toml_files_of_a_release_are_read(release: Path) -> None:
     assert load_rig("rig.toml").virtual is not None
     assert load_specimen("specimen.toml").specimen.length_mm == 30.0
     assert load_protocol("protocol.toml").currents_A == pytest.approx(CURRENTS_A)
     assert load_calibration(release / "calibration.toml").pixels_per_mm == 6.0
 
 
-def test_its_dataset_is_opened_with_frames_and_edges(release: Path) -> None:
+def test_the_dataset_of_a_release_is_opened_with_frames_and_edges(release: Path) -> None:
     with open_dataset(release / "run.h5") as dataset:
         assert [state.current_A for state in dataset.states] == pytest.approx(CURRENTS_A)
         assert all(dataset.images(state.index).shape == (1, 208, 176) for state in dataset.states)
         assert len(dataset.edges() or ()) == 4
 
 
-def test_its_results_are_read(release: Path) -> None:
+def test_the_results_of_a_release_are_read(release: Path) -> None:
     (bending,) = read_fits_file(release / "fits.json").fits
     assert bending.initial_shear_modulus.value == pytest.approx(48245.45371789243)
     assert {fit.model for fit in read_fits_file(release / "tensile.json").fits} == {"neo-hookean", "yeoh"}
 
 
 @pytest.mark.parametrize("name", ["fits.json", "tensile.json"])
-def test_its_results_are_written_as_they_were(release: Path, name: str) -> None:
+def test_the_results_of_a_release_are_written_as_they_were(release: Path, name: str) -> None:
     read_fits_file(release / name).write(release / "again.json")
     assert (release / "again.json").read_text() == (release / name).read_text()
 
 
-def test_its_dataset_is_fitted_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_dataset_of_a_release_is_fitted_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:
     eimi("eimi fit run.h5 --model neo-hookean -o again.json --quiet")
     assert_same_numbers(fitted(release / "again.json"), fitted(release / "fits.json"))
 
 
-def test_its_edges_are_detected_at_the_same_positions(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_edges_in_frames_of_a_release_are_detected_at_the_same_positions(
+    release: Path, eimi: Callable[[str], None]
+) -> None:
     with open_dataset(release / "run.h5") as dataset:
         before = dataset.edges()
     eimi("eimi segment run.h5 --force --quiet")
@@ -136,7 +138,7 @@ def test_its_edges_are_detected_at_the_same_positions(release: Path, eimi: Calla
         np.testing.assert_allclose(now.middle_mm, then.middle_mm, atol=1e-6)
 
 
-def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_checkpoint_of_a_release_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
     """A fit that continues from a checkpoint of the release gives the same numbers as the release.
 
     A checkpoint is the log of the search for the parameters, with one line for each generation of CMA-ES. The test
@@ -150,43 +152,45 @@ def test_its_checkpoint_is_resumed(release: Path, eimi: Callable[[str], None]) -
     assert_same_numbers(fitted(release / "resumed.json"), fitted(release / "fits.json"))
 
 
-def test_its_fit_is_validated_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_fit_of_a_release_is_validated_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:
     eimi("eimi validate run.h5 --fit fits.json -o again.json --quiet")
     assert_same_numbers(
         json.loads((release / "again.json").read_text()), json.loads((release / "validation.json").read_text())
     )
 
 
-def test_its_fits_are_reported(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_fits_of_a_release_are_reported(release: Path, eimi: Callable[[str], None]) -> None:
     eimi("eimi report run.h5 --fit fits.json --fit tensile.json -o report.html --quiet")
     assert re.search(r"48\.2\s*kPa", (release / "report.html").read_text(encoding="utf-8"))
 
 
-def test_its_fits_are_exported(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_fits_of_a_release_are_exported(release: Path, eimi: Callable[[str], None]) -> None:
     for results in ("fits", "tensile"):
         eimi(f"eimi export {results}.json --model neo-hookean --to abaqus --bulk-ratio 2000 -o {results}.inp --quiet")
         assert "*HYPERELASTIC, NEO HOOKE" in (release / f"{results}.inp").read_text().upper()
 
 
-def test_its_tensile_curve_is_fitted_to_the_same_numbers(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_tensile_curve_of_a_release_is_fitted_to_the_same_numbers(
+    release: Path, eimi: Callable[[str], None]
+) -> None:
     eimi("eimi tensile curve.csv --model neo-hookean --model yeoh --window full -o again.json --quiet")
     assert_same_numbers(fitted(release / "again.json"), fitted(release / "tensile.json"))
 
 
-def test_its_killed_run_is_recovered(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_killed_run_of_a_release_is_recovered(release: Path, eimi: Callable[[str], None]) -> None:
     eimi("eimi recover killed.h5 -o recovered.h5 --quiet")
     with open_dataset(release / "recovered.h5") as dataset:
         assert [state.current_A for state in dataset.states] == pytest.approx(CURRENTS_A[:2])
 
 
-def test_its_killed_run_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
+def test_the_killed_run_of_a_release_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
     eimi("eimi acquire protocol.toml --specimen specimen.toml --rig rig.toml -o killed.h5 --resume --quiet")
     with open_dataset(release / "killed.h5") as dataset:
         assert [state.current_A for state in dataset.states] == pytest.approx(CURRENTS_A)
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_its_command_lines_are_accepted(line: str) -> None:
+def test_the_command_lines_of_a_release_are_accepted(line: str) -> None:
     """Command lines of the release are accepted: the examples in its help and documentation, and every option."""
     _, name, *arguments = shlex.split(line)
     command: Any = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]

@@ -806,7 +806,7 @@ def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at:
     assert candidate.has_converged is converged
 
 
-def test_an_end_goes_where_the_quadratic_reaches_the_target() -> None:
+def test_an_interval_ends_where_the_quadratic_deviance_reaches_its_target() -> None:
     """An interval ends at the point at which the deviance, minimised over the other coordinate, reaches its target.
 
     The deviance is x' H x with two coordinates x, counted from 0.5. For the first coordinate u, its minimum over the

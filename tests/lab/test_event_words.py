@@ -207,7 +207,7 @@ def test_a_change_of_shape_has_these_words(change: ShapeChange, words: str) -> N
     assert in_words(ConditioningDone(cycles=3, changes=(change,))) == f"after 3 conditioning cycles: {words}"
 
 
-def test_the_protection_of_a_coil_is_told_with_its_interlocks() -> None:
+def test_the_protection_of_a_coil_is_described_with_its_interlocks() -> None:
     tail = (
         "if the cable or the computer fails, or this program and its guardian are killed together: it stays on; see "
         "docs/why/safety.md"

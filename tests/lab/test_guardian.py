@@ -201,7 +201,7 @@ def test_a_run_may_announce_that_it_takes_longer() -> None:
     assert bench.heard == []
 
 
-def test_a_run_that_stood_still_as_its_guardian_did_sends_no_further_set_point(
+def test_a_run_that_stood_still_together_with_its_guardian_sends_no_further_set_point(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     slept_s = [0.0]

@@ -197,7 +197,7 @@ def test_the_end_of_a_run_ramps_down_switches_off_and_disarms(run: Heeding) -> N
     assert ended(run, ramp_down=_InHaste()) == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
 
 
-def test_a_failed_ramp_down_is_told_after_the_coil_is_off(run: Heeding) -> None:
+def test_a_failed_ramp_down_is_reported_after_the_coil_is_off(run: Heeding) -> None:
     with pytest.raises(InstrumentError, match="the coil is off, but the ramp to zero before failed: cut"):
         ended(run, ramp_down=InstrumentError("cut"))
     assert run.done() == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
@@ -377,7 +377,7 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
     ]
 
 
-def test_lost_frames_are_told_with_the_state_in_which_they_were_lost(setup: Any) -> None:
+def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: Any) -> None:
     """A message names the states in which the camera lost frames.
 
     The camera loses a frame before the states, two frames in state 1, and one frame in state 2, in which it then fails.
@@ -401,7 +401,7 @@ def test_lost_frames_are_told_with_the_state_in_which_they_were_lost(setup: Any)
     assert [event.flags for event in did if isinstance(event, StateStored)] == [(), ("DROPPED",)]
 
 
-def test_frames_that_are_lost_after_the_last_state_are_told_too(setup: Any) -> None:
+def test_frames_that_are_lost_after_the_last_state_are_reported_too(setup: Any) -> None:
     setup.camera.lost_frames = Counter()
     did: list[Any] = []
 
@@ -485,7 +485,7 @@ def test_the_supply_is_opened_under_its_lock_and_its_guardian_and_closed_before_
     ]
 
 
-def test_an_instrument_that_is_not_found_is_told_with_the_attached_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_about_a_missing_instrument_lists_the_attached_instruments(monkeypatch: pytest.MonkeyPatch) -> None:
     ports, cameras = ["COM3", "COM4"], ["0"]
     monkeypatch.setattr(
         "eimi_drivers.discovery.list_serial_ports", lambda: [SimpleNamespace(address=port) for port in ports]

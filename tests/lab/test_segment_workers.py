@@ -91,7 +91,7 @@ def test_an_error_of_a_worker_is_reported_as_with_one_process(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
-def test_a_signal_to_all_of_them_ends_all_workers_with_one_line(
+def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
     """If program and workers get a signal at the same time, all of them end, with one line.
