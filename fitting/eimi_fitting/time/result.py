@@ -380,7 +380,7 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the contributions of the sources, the noise and the small effects to the dynamic modulus' uncertainty."""
+    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects."""
     entries = []
 
     def effect_percent(moves: Array) -> float:

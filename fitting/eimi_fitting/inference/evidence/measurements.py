@@ -72,7 +72,10 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the distances (b, n) of `signed_distance` for b curves (b, S, 3, 2) and n points of each (b, n, 2)."""
+    """Return the signed distances, (b, n) in mm, of n points (b, n, 2) from each of b curves (b, S, 3, 2).
+
+    A curve has S quadratic segments; `signed_distance` defines the sign.
+    """
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
