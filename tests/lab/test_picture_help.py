@@ -51,7 +51,7 @@ def edge_points(files: Path) -> int:
 def test_values_that_a_user_gives_about_the_pictures_are_stored(run: Run, files: Path) -> None:
     """The values that a user gives on the command line are stored in the calibration of the dataset.
 
-    So are values that calibration.toml does not contain.
+    Values for keys that calibration.toml does not contain are stored too.
     """
     with (files / "calibration.toml").open("a") as file:
         file.write('calibrated_on = 2026-01-02\n[picture]\npolarity = "dark"\nchannel = "green"\n')

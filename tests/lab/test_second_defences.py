@@ -310,7 +310,10 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
-    """After a second signal the set-point is not read back, which takes most of its time; only the switching off is."""
+    """After a second signal, the set-point is no longer read back; only the commands that switch off are verified.
+
+    Reading a set-point back takes most of the time of a step.
+    """
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption, signals)

@@ -68,7 +68,10 @@ def test_the_brands_of_heic_pictures(brand: bytes, words: str) -> None:
 
 
 def test_the_codes_of_windows() -> None:
-    """ERROR_ACCESS_DENIED, _SHARING_VIOLATION and _LOCK_VIOLATION; events of a console that closes (winerror.h)."""
+    """The numbers of Windows for a file in use (winerror.h), and for a console that closes, are the published ones.
+
+    The errors are ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION.
+    """
     assert replacing._IN_USE == (5, 32, 33)
     assert console._CLOSING == (2, 5, 6)
 
