@@ -109,38 +109,43 @@ def test_the_stored_amplitudes_are_those_of_the_modes(run: Run, files: Path) -> 
     np.testing.assert_allclose(amplitudes[:, 1], 0.0, atol=1e-4)
 
 
-def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: Path) -> None:
+def write_c3d(path: Path, places: np.ndarray, other: tuple[float, float]) -> Path:
+    """Write two markers at `places`, and a third one that stays at `other` (x, z in mm), into a C3D file."""
     ezc3d = pytest.importorskip("ezc3d")
-    places = swing()
     capture = ezc3d.c3d()
     capture["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
     capture["parameters"]["POINT"]["RATE"]["value"] = [RATE_HZ]
     capture["parameters"]["POINT"]["LABELS"]["value"] = ["tip a", "tip b", "base"]
     points = np.ones((4, 3, len(places)))
     points[0, :2], points[2, :2] = places[..., 0].T + 200.0, places[..., 1].T + 500.0
-    points[[0, 2], 2] = [[190.0], [480.0]]  # a marker on the clamp
+    points[[0, 2], 2] = np.array(other)[:, None]
     capture["data"]["points"] = points
-    capture.write(str(files / "capture.c3d"))
+    capture.write(str(path))
+    return path
+
+
+PLACING = ("--format", "c3d", "--plane", "xz", "--clamp", "200,500", "--axis", "0", "--rest", "1", "--sigma", "0.02")
+
+
+def test_a_marker_that_stands_a_little_off_the_beam_moves_with_its_nearest_point(run: Run, files: Path) -> None:
+    places = swing()
+    places[:, 1, 0] += 0.4  # 4 % of the length beyond the tip
+    capture = write_c3d(files / "capture.c3d", places, (190.0, 480.0))
+    code, message = imported(run, files, capture, "--ring-down", *PLACING)
+    assert code == 0, message
+    motion = ring_down(files)
+    np.testing.assert_allclose(motion.rest_mm[1, 0], 10.0)
+    np.testing.assert_allclose(np.diff(motion.points_mm[:, 1], axis=0), np.diff(places[-100:, 1], axis=0), atol=1e-3)
+
+
+def test_markers_of_a_c3d_file_become_a_ring_down_and_a_state(run: Run, files: Path) -> None:
+    places = swing()
+    capture = write_c3d(files / "capture.c3d", places, (190.0, 480.0))
     (files / "states.csv").write_text("time_s,field_mT\n1.18,0\n")
-    placing = (
-        "--format",
-        "c3d",
-        "--plane",
-        "xz",
-        "--clamp",
-        "200,500",
-        "--axis",
-        "0",
-        "--rest",
-        "1",
-        "--sigma",
-        "0.02",
-    )
-    code, message = imported(
-        run, files, files / "capture.c3d", "--ring-down", *placing, "--states", files / "states.csv"
-    )
+    code, message = imported(run, files, capture, "--ring-down", *PLACING, "--states", files / "states.csv")
     assert code == 0, message
     assert "1 of 3 points were left out" in message
+    assert "each gram at the tip raises the dynamic modulus" in message
     motion = ring_down(files)
     np.testing.assert_allclose(np.diff(motion.time_s[:, 0]), 1 / RATE_HZ, rtol=1e-4)
     # In frame 1 the beam is held straight.

@@ -13,7 +13,9 @@ from eimi_lab.dataset.moving.motion_facts import MotionFacts
 from eimi_lab.dataset.tracked.axes import Placing, place
 from eimi_lab.dataset.tracked.formats import reader_of
 from eimi_lab.dataset.tracked.tracked_states import points_on_beam
-from eimi_lab.process.errors import InputError
+from eimi_lab.process.errors import InputError, tell
+
+_OFF_THE_BEAM = 0.05  # share of the length
 
 
 def read_tracked_motion(
@@ -21,7 +23,8 @@ def read_tracked_motion(
 ) -> tuple[Motion, ...]:
     """Read motions from the file of a tracking program.
 
-    Tracked points that do not lie on the undeformed beam are left out.
+    A marker stands off the surface of the beam. A point that is off the undeformed beam by at most 5 % of the length is
+    therefore treated as the nearest point of the beam, with the same displacements. Other points are left out.
 
     Parameters
     ----------
@@ -55,7 +58,17 @@ def read_tracked_motion(
         frame_s = np.asarray(tracks.times_s, dtype=float)
     else:
         raise InputError(f"{source}: has no times; give --rate, the frames per second")
-    chosen = points_on_beam(placed, list(range(len(frame_s))), specimen, source)
-    places = placed.places_mm[:, chosen]
+    beam = specimen.specimen
+    chosen = points_on_beam(placed, list(range(len(frame_s))), specimen, source, _OFF_THE_BEAM * beam.length_mm)
+    if tool == "c3d" and not facts.hanging_N:
+        # A cantilever in its lowest vibration moves like 33/140 of its mass at the tip.
+        moving_g = 33 / 140 * 1e-6 * beam.density_kg_m3 * beam.length_mm * beam.width_mm * beam.depth_mm
+        tell(
+            f"note: {source}: markers count as weightless, but each gram at the tip raises the dynamic modulus by "
+            f"about {100 / moving_g:.2g} %; if their weight matters, give it with --hanging"
+        )
+    half = 0.5 * beam.width_mm
+    rest = np.clip(placed.rest_mm[chosen], [0.0, -half], [beam.length_mm, half])
+    places = placed.places_mm[:, chosen] + (rest - placed.rest_mm[chosen])
     time_s = np.repeat(frame_s[:, None], len(chosen), axis=1)
-    return free_motions(places, placed.rest_mm[chosen], time_s, placed.sigma_mm[:, chosen], facts, str(source))
+    return free_motions(places, rest, time_s, placed.sigma_mm[:, chosen], facts, str(source))

@@ -115,17 +115,19 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
     return int(apart.argmin())
 
 
-def points_on_beam(placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path) -> NDArray[np.int64]:
+def points_on_beam(
+    placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path, margin_mm: float | None = None
+) -> NDArray[np.int64]:
     """Return the indices of the n tracked points that are used for a dataset, shape (n,).
 
     A point is used if it is on the beam at rest, and if it was seen in at least one of the frames with the indices
     ``at``. If there are more than `MOST_POINTS` such points, `MOST_POINTS` of them are returned, evenly spaced in the
-    order of the file.
+    order of the file. A point counts as on the beam up to a distance of ``margin_mm`` from it; None: 2 % of the width.
 
     Raises InputError if there is no such point. A note on standard error tells how many points are left out.
     """
     beam, rest = specimen.specimen, placed.rest_mm
-    margin = _OFF_THE_BEAM * beam.width_mm
+    margin = _OFF_THE_BEAM * beam.width_mm if margin_mm is None else margin_mm
     along = (rest[:, 0] >= -margin) & (rest[:, 0] <= beam.length_mm + margin)
     on_it = along & (np.abs(rest[:, 1]) <= beam.width_mm / 2 + margin)
     is_seen = np.isfinite(placed.places_mm[at]).all(axis=-1).any(axis=0)
