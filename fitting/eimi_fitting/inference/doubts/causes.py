@@ -328,10 +328,13 @@ class _Weighing:
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
         """Return hypotheses that were not simulated, each with the most probable simulated part of its causes.
 
-        A hypothesis is a set of causes, and a part is a smaller hypothesis. The linear model of the hypothesis is then
-        exact at the same amplitudes as the model of the part. Otherwise one more cause would seem to make the agreement
-        worse. A part contains the same causes as the hypothesis among the causes that the fit has taken into account,
-        because the shape at rest would differ without them.
+        A hypothesis is a set of causes (possible errors of the bench). A part of it is a hypothesis with some of its
+        causes. The caller linearises the hypothesis about the simulation of the part, so that both linear models are
+        exact at the same amplitudes (sizes of the causes). Otherwise one more cause would seem to make the agreement
+        worse.
+
+        A cause that the fit has taken into account is in the part if it is in the hypothesis, because the shape at rest
+        would differ without it.
 
         Parameters
         ----------
