@@ -326,7 +326,7 @@ class _Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return hypotheses that were not simulated, each with the most probable simulated part of its causes.
+        """Return hypotheses that were not simulated, each with its most probable simulated part.
 
         A hypothesis is a set of causes (possible errors of the bench). A part of it is a hypothesis with some of its
         causes. The caller linearises the hypothesis about the simulation of the part, so that both linear models are
