@@ -9,8 +9,10 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import signal
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 from typing import cast
 
 import pytest
@@ -19,28 +21,41 @@ from eimi_drivers.interfaces import Identity, InstrumentTimeout, Off, PowerSuppl
 from eimi_drivers.supplies.off import off_limit_A
 from eimi_lab.acquisition import guardian_process
 from eimi_lab.acquisition.coil import Coil
-from eimi_lab.acquisition.events import Event, OffConfirmed, OffNotConfirmed, RunKilled, Takeover
+from eimi_lab.acquisition.events import (
+    Event,
+    GuardianTookOver,
+    OffConfirmed,
+    OffNotConfirmed,
+    OnEvent,
+    RunKilled,
+    Takeover,
+    Warned,
+)
 from eimi_lab.acquisition.guardian import (
     ALLOW,
     ARM,
     BEAT,
     DISARM,
+    READY,
     RECOGNISED,
     STILL_FOR_S,
     SUPPLY,
     TAKE_OVER,
+    TAKING_OVER,
     Guardian,
     Ward,
 )
 from eimi_lab.acquisition.guardian_process import (
     ASKED,
     DIED,
+    ENDED_WITH_OTHERS,
     REPORT_EVERY_S,
     STANDS_STILL,
     TRY_AGAIN_LATER_S,
     TRY_FOR_S,
     _try_once,
     _wait_until_needed,
+    stand_guard,
     switch_off_for_the_run,
 )
 from eimi_lab.acquisition.switching_off import ramp_down_and_switch_off
@@ -382,3 +397,127 @@ def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian
         ramp_down_and_switch_off(cast(Coil, CannotStop(error)), cast(Guardian, guardian), on_event=events.append)
     assert guardian.calls == expected
     assert events == [OffNotConfirmed(by="run", reason=str(error), current_A=current_A, limit_A=limit_A)]
+
+
+class Surroundings:
+    """The parts of the system around the guardian; `done` lists what the guardian did with them, in order."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool) -> None:
+        self.done: list[object] = []
+        self.ignored: set[str] = set()
+        self.doubt: OffNotConfirmed | None = None
+        self.run = object()
+        self.sent = replace(WARD, identity=("KORAD KA3005P", "7"))
+
+        def record(name: str, answer: object = None) -> None:
+            def act(*arguments: object) -> object:
+                self.done.append(name)
+                return answer
+
+            monkeypatch.setattr(guardian_process, name, act)
+
+        for name in ("be_shut_down_last", "never_wait_to_write", "share_ports"):
+            record(name)
+        record("when_closed")
+        record("ended_with_others", ends_with_others)
+        record("move_to_own_scope", True)
+        record("Starter", self.run)
+        record("_wait_until_needed", (takeover, self.sent))
+        monkeypatch.setattr(guardian_process, "_say", self.done.append)
+        monkeypatch.setattr(guardian_process, "doubted_after", self._doubted_after)
+        monkeypatch.setattr(guardian_process, "switch_off_for_the_run", self._switch_off)
+        monkeypatch.setattr(guardian_process.signal, "signal", self._handle)
+
+    def _handle(self, number: int, handler: object) -> None:
+        assert handler == signal.SIG_IGN
+        self.ignored.add(signal.Signals(number).name)
+
+    @contextmanager
+    def _doubted_after(self, seconds: float, doubt: OffNotConfirmed | None, on_event: object) -> Iterator[None]:
+        assert (seconds, on_event) == (2.0, self.done.append)
+        self.doubt = doubt
+        yield
+
+    def _switch_off(self, *arguments: object) -> None:
+        self.done.append(("switches off", *arguments))
+
+
+@pytest.mark.parametrize("takeover", [None, DIED, STANDS_STILL, ASKED])
+@pytest.mark.parametrize("ends_with_others", [False, True])
+def test_the_guardian_prepares_waits_and_takes_over(
+    monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool
+) -> None:
+    around = Surroundings(monkeypatch, takeover, ends_with_others)
+    stand_guard(WARD, around.done.append)
+    assert around.ignored >= {"SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE"}
+    prepared: list[object] = ["when_closed", "be_shut_down_last", "ended_with_others"]
+    prepared += [Warned(message=ENDED_WITH_OTHERS)] * ends_with_others
+    prepared += ["Starter", "never_wait_to_write", "move_to_own_scope", READY, "_wait_until_needed"]
+    if takeover is None:
+        assert around.done == prepared
+        return
+    assert around.done == [
+        *prepared,
+        *(["share_ports", TAKING_OVER] if takeover == STANDS_STILL else []),
+        GuardianTookOver(takeover=takeover, address=WARD.address),
+        ("switches off", around.sent, takeover, around.run, around.done.append),
+    ]
+    assert around.doubt == (
+        None
+        if takeover == ASKED
+        else OffNotConfirmed(
+            by="guardian",
+            reason="the supply did not confirm within 2 s that its output is off",
+            takeover=takeover,
+            trying_process=os.getpid(),
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("serial_number", "answers", "on", "words"),
+    [
+        ("7", False, True, r"was switched off, 0\.00 A measured, but it did not answer with its identity, .*no answer"),
+        ("", True, False, r"was already off, 0\.00 A measured, but the supply has no serial number"),
+        ("7", True, False, None),
+        ("", True, True, None),
+    ],
+)
+def test_a_supply_that_may_be_another_one_is_not_reported_as_off(
+    monkeypatch: pytest.MonkeyPatch, serial_number: str, answers: bool, on: bool, words: str | None
+) -> None:
+    class Found(Supply):
+        def identify(self) -> Identity:
+            if not answers:
+                raise InstrumentTimeout("no answer")
+            return replace(super().identify(), serial_number=serial_number)
+
+        def output_on(self) -> bool:
+            return on
+
+    monkeypatch.setattr(guardian_process, "open_supply", lambda *_: Found(False))
+    monkeypatch.setattr(guardian_process, "switch_off", lambda supply, clock: Off(0.0, 0.02))
+    ward = replace(WARD, identity=("KORAD KA3005P", serial_number))
+    if words is None:
+        assert _try_once(ward, set()) == (Off(0.0, 0.02, found_off=not on), "")
+    else:
+        with pytest.raises(SwitchOffFailed, match=words):
+            _try_once(ward, set())
+
+
+def test_the_program_of_the_guardian_reads_its_supply_and_prints_its_events(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    unpacked: list[tuple[str, object]] = []
+
+    def stand(ward: Ward, on_event: OnEvent) -> None:
+        assert ward == WARD
+        on_event(GuardianTookOver(takeover=DIED, address=ward.address))
+        on_event(Warned(message="a remark"))
+
+    monkeypatch.setattr(guardian_process, "stand_guard", stand)
+    monkeypatch.setattr(guardian_process, "unpack", lambda name, packed: unpacked.append((name, packed)))
+    monkeypatch.setattr(guardian_process, "log_to_stderr", lambda level: None)
+    guardian_process.main(json.dumps(asdict(WARD)))
+    assert capfd.readouterr().err == "eimi guardian: warning: a remark\n"
+    assert unpacked == [(WARD.driver, WARD.packed)]

@@ -7,6 +7,7 @@ time is simulated.
 from __future__ import annotations
 
 import dataclasses
+import logging
 import signal
 from collections.abc import Callable
 from typing import Any
@@ -265,7 +266,7 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
 
 
 @pytest.mark.parametrize(("signals", "ramped"), [(1, True), (2, False)])
-def test_a_second_signal_skips_the_ramp_down(signals: int, ramped: bool) -> None:
+def test_a_second_signal_skips_the_ramp_down(signals: int, ramped: bool, caplog: pytest.LogCaptureFixture) -> None:
     clock = SimulatedClock()
     supply = Obstinate(0.5, clock)
 
@@ -274,10 +275,11 @@ def test_a_second_signal_skips_the_ramp_down(signals: int, ramped: bool) -> None
             for _ in range(signals):
                 signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(Stopped):
+    with pytest.raises(Stopped), caplog.at_level(logging.INFO):
         run()
     assert supply.did[-1] == "off"
     assert (len(supply.did) > 3) is ramped
+    assert ("without a ramp to zero" not in caplog.text) is ramped
 
 
 OFF = [b"ISET1:0.000", b"OUT0", b"ISET1?", b"ISET1?", b"STATUS?", b"STATUS?", b"IOUT1?", b"VOUT1?"]

@@ -15,6 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -174,6 +175,7 @@ class Watcher:
 
     def __init__(self) -> None:
         self.told: list[Any] = []
+        self.measured_s: list[float] = []
 
     def __getattr__(self, name: str) -> Callable[..., None]:
         return lambda *arguments: self.told.append((name, *arguments))
@@ -196,7 +198,10 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[SupplyTria
 
         def opened(driver: str, address: str, limits: Limits, on_clock: Any, transcript: Path) -> Any:
             assert on_clock is clock
-            return SUPPLIES[driver](InProcessTransport(emulate(driver, coil), clock, address), limits, clock)
+            supply: Any = SUPPLIES[driver](InProcessTransport(emulate(driver, coil), clock, address), limits, clock)
+            measure = supply.measure
+            supply.measure = lambda: watcher.measured_s.append(clock.now()) or measure()
+            return supply
 
         monkeypatch.setattr(supply_trial, "WallClock", lambda: clock)
         monkeypatch.setattr(supply_trial, "guarding", guarded)
@@ -241,6 +246,8 @@ def test_every_step_of_a_trial_has_its_outcome(
     ]
     assert trial.passed
     assert not coil.state.output
+    assert np.diff(watcher.measured_s[:20]) == pytest.approx([0.2] * 19)
+    assert np.diff(watcher.measured_s[-10:]) == pytest.approx([0.1] * 9)
     assert watcher.told == [
         ("guards", "aim-tti", "COM3", Limits(1.0, 5.0)),
         ("person",),
