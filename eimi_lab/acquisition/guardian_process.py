@@ -344,7 +344,7 @@ def _print(event: Event) -> None:
     """Print the sentence for an event on standard error."""
     if not isinstance(event, GuardianTookOver):
         with suppress(OSError):  # the terminal may be gone with the run
-            print(f"eimi guardian: {in_words(event)}", file=sys.stderr, flush=True)
+            print(f"eimi guardian: {in_words(event)}", file=sys.stderr)
 
 
 def main(ward: str, events: str | None = None) -> None:
