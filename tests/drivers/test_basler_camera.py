@@ -130,7 +130,7 @@ def test_a_grab_from_a_closed_camera_is_an_error(camera):
 
 
 def test_the_error_for_a_missing_camera_lists_the_attached_cameras(two_cameras):
-    with pytest.raises(InstrumentDisconnected, match=rf"12345: not found; attached: .*{two_cameras[0]}"):
+    with pytest.raises(InstrumentDisconnected, match=rf"12345: not found; attached Basler cameras: .*{two_cameras[0]}"):
         open_camera("basler", "12345")
 
 
