@@ -70,6 +70,11 @@ def room_of(file: str) -> str:
     return parts[start] if len(parts) > start + 1 else parts[start - 1]
 
 
+def asked_room(file: str, rooms: Sequence[str]) -> str | None:
+    """Return the first of `rooms` that contains a file, or None. A room is a package or a folder, such as "drivers"."""
+    return next((room for room in rooms if room == room_of(file) or room in Path(file).parts[:-1]), None)
+
+
 def changes(text: str) -> list[Change]:
     """Return every change that the generator of mistakes can make in the text of a source file."""
     tree = ast.parse(text)
@@ -83,8 +88,8 @@ def changes(text: str) -> list[Change]:
 def _skipped(tree: ast.AST) -> set[int]:
     """Return the identities of the nodes that are never changed.
 
-    These nodes are annotations, decorators, f-strings, imports, assertions, some calls such as `TypeVar`, and blocks
-    for type checkers.
+    These nodes are annotations, decorators, f-strings, imports, assertions (also the argument `strict` of `zip`), some
+    calls such as `TypeVar`, and blocks for type checkers.
     """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -96,6 +101,7 @@ def _skipped(tree: ast.AST) -> set[int]:
             roots += [*([node.returns] if node.returns else []), *node.decorator_list]
         elif (
             isinstance(node, ast.Import | ast.ImportFrom | ast.JoinedStr | ast.Assert)
+            or (isinstance(node, ast.keyword) and node.arg == "strict")
             or (isinstance(node, ast.Call) and ast.unparse(node.func) in ("TypeVar", "ParamSpec", "typer.Option"))
             or (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"))
         ):
@@ -234,7 +240,8 @@ def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) ->
     seed
         Seed of the draw. The same seed and the same code give the same sample.
     rooms
-        Names of packages, such as "acquisition", from which the lines are drawn; by default all packages.
+        Names of packages or folders, such as "acquisition", "drivers" or "interval", from which the lines are drawn; by
+        default all packages.
 
     Returns
     -------
@@ -246,7 +253,7 @@ def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) ->
     for root in ROOTS:
         for path in sorted((project / root).rglob("*.py")):
             file = path.relative_to(project).as_posix()
-            if not rooms or room_of(file) in rooms:
+            if not rooms or asked_room(file, rooms):
                 for change in changes(path.read_text(encoding="utf-8")):
                     lines.setdefault((file, change.line), []).append(change)
     drawn: list[tuple[str, Change]] = []

@@ -1,6 +1,7 @@
 """Put small mistakes into a copy of the project, one at a time, and report which mistakes the tests detect.
 
-A mutant is the project with one mistake. A room is a package of the project, such as "acquisition".
+A mutant is the project with one mistake. A room is a package of the project, such as "acquisition". For a sample, a
+room may also be a folder with several packages, such as "drivers", or a folder in a package, such as "interval".
 
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 ``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
@@ -39,7 +40,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from benchmarks.generated_mistakes import changed, room_of, sampled, unique_fragments
+from benchmarks.generated_mistakes import asked_room, changed, room_of, sampled, unique_fragments
 from benchmarks.tests_by_line import TestsByLine
 
 PROJECT = Path(__file__).parents[1]
@@ -221,8 +222,8 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: fl
 def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
     """Return generated mistakes (changes of the code) in randomly drawn lines, each with the tests of its line.
 
-    `number` is the number of lines, `seed` is the seed of the draw, and `rooms` are the packages from which the lines
-    are drawn; without `rooms`, the lines come from all packages.
+    `number` is the number of lines, `seed` is the seed of the draw, and `rooms` are the packages or folders from which
+    the lines are drawn; without `rooms`, the lines come from all packages.
     """
     tests = TestsByLine()
     mutants = []
@@ -231,7 +232,8 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
         right, wrong = unique_fragments(text, changed(text, change), change)
         says, chosen = f"line {change.line}: {change.says}", tests.of(file, change.line)
         limit_s = LEAST_LIMIT_S + SLOWER * tests.seconds(chosen)
-        mutants.append(Mutant(place, room_of(file), says, file, right, wrong, chosen, limit_s, is_generated=True))
+        room = asked_room(file, rooms) or room_of(file)
+        mutants.append(Mutant(place, room, says, file, right, wrong, chosen, limit_s, is_generated=True))
     return mutants
 
 
@@ -288,7 +290,7 @@ def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--room", action="append", help="name of a list; may be repeated")
+    parser.add_argument("--room", action="append", help="name of a list, or of a room for a sample; may be repeated")
     parser.add_argument("--only", type=int, action="append", metavar="N", help="number of a mistake; may be repeated")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, help="JSON file with outcomes, to continue from")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.generated_mistakes import changed, changes, compiles, room_of, sampled, unique_fragments
+from benchmarks.generated_mistakes import asked_room, changed, changes, compiles, room_of, sampled, unique_fragments
 from benchmarks.mutants import CAUGHT, EQUIVALENT, SURVIVED, Mutant, equivalent_keys, sample_table, wilson_95
 
 CODE = """
@@ -35,6 +35,31 @@ def test_each_kind_of_mistake_is_made_and_no_text_or_annotation_is_changed() -> 
     }
     assert all("float) -> float" in line or "= 4.0" in line for line in made if line.startswith("def"))
     assert not any("width + 1" in line for line in made)
+
+
+@pytest.mark.parametrize(
+    ("file", "rooms", "room"),
+    [
+        ("drivers/eimi_drivers/supplies/scpi.py", ["drivers"], "drivers"),
+        ("drivers/eimi_drivers/supplies/scpi.py", ["cameras", "supplies"], "supplies"),
+        ("drivers/eimi_drivers/clock.py", ["supplies"], None),
+        ("fitting/eimi_fitting/inference/interval/draws.py", ["interval"], "interval"),
+        ("fitting/eimi_fitting/inference/fit.py", ["interval"], None),
+        ("eimi_lab/acquisition/run.py", ["acquisition"], "acquisition"),
+    ],
+)
+def test_a_room_is_a_package_or_a_folder(file: str, rooms: list[str], room: str | None) -> None:
+    assert asked_room(file, rooms) == room
+
+
+def test_assertions_are_not_changed() -> None:
+    code = "def f(a, b):\n    assert a > 1\n    return zip(a, b, strict=True)\n"
+    assert {changed(code, change).splitlines()[change.line - 1].strip() for change in changes(code)} == {
+        "return zip(b, a, strict=True)",
+        "return zip(b, b, strict=True)",
+        "return zip(a, a, strict=True)",
+        "return None",
+    }
 
 
 def test_a_change_is_a_unique_fragment_of_whole_lines() -> None:

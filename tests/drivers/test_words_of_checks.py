@@ -54,6 +54,24 @@ def lowers_the_limits(self: Any) -> Limits:
     return Limits(0.5, 12.0)
 
 
+def changes_first(self: Any, *arguments: Any) -> None:
+    self._send("CURR 0.123")
+    SupplyBase._refuse_outside(self, *arguments)
+
+
+def switches_off_and_closes(self: Any) -> None:
+    self._send_output(False)
+    SupplyBase.close(self)
+
+
+def sets_a_voltage_when_opened(self: Any, link: Any, limits: Limits, clock: Any) -> None:
+    Scpi.__init__(self, link, limits, clock)
+    self._send_voltage("3.000")
+
+
+SAYS_OFF = supply(output_on=lambda self: False, _verify_output=lambda self, on: None)
+
+
 def sends_first(self: Any, current_A: float) -> None:
     self._send("*CLS")
     Scpi.set_current(self, current_A)
@@ -204,7 +222,60 @@ SUPPLIES_IN_WORDS: list[tuple[str, type, str]] = [
         supply(safe_off=lambda self: Scpi.set_output(self, False)),
         r"the current set-point should be 0 A after safe_off\(\) of a supply that was off with .* it is 0\.7 A",
     ),
+    (
+        "refuses_set_points_outside_its_limits",
+        supply(_refuse_outside=changes_first),
+        "a refused set-point changed the instrument",
+    ),
+    (
+        "reverses_its_current_only_if_it_is_bipolar",
+        supply(Kepco, output_on=lambda self: False, _verify_output=lambda self, on: None),
+        r"output_on\(\) should be True at -0\.7 A",
+    ),
+    ("tries_every_stage_of_switching_off", supply(safe_off=lambda self: None), "although the message .* was lost"),
+    (
+        "gives_up_on_a_silent_line",
+        supply(output_on=lambda self: Scpi.output_on(self) or True),
+        r"output_on\(\) should be False after the instrument answers again",
+    ),
+    (
+        "understands_no_garbage",
+        supply(output_on=lambda self: Scpi.output_on(self) or True),
+        r"output_on\(\) should be False after an unreadable answer to identify\(\)",
+    ),
+    (
+        "is_off_after_safe_off_from_every_state",
+        supply(safe_off=lambda self: None if Scpi.output_on(self) else Scpi.safe_off(self)),
+        r"the output should be off after safe_off\(\) of a supply that was on at 0\.7 A, but it is on",
+    ),
+    (
+        "takes_no_late_answer_for_the_next",
+        SAYS_OFF,
+        r"output_on\(\) should be True after measure\(\) was answered late",
+    ),
+    (
+        "leaves_the_output_alone_when_it_is_opened_or_closed",
+        supply(close=switches_off_and_closes),
+        r"close\(\) should not change the instrument; only safe_off\(\) switches off",
+    ),
+    (
+        "leaves_the_output_alone_when_it_is_opened_or_closed",
+        supply(__init__=sets_a_voltage_when_opened),
+        "opening should not change the instrument; an output that is on stays on",
+    ),
+    (
+        "leaves_the_output_alone_when_it_is_opened_or_closed",
+        SAYS_OFF,
+        r"output_on\(\) should be True for a supply that was on when it was opened",
+    ),
 ]
+
+
+def test_every_check_of_a_supply_has_a_broken_requirement() -> None:
+    named = {name for name, *_ in SUPPLIES_IN_WORDS}
+    assert {check.__name__ for check in SUPPLY_CHECKS} - named == {
+        "waits_for_a_slow_answer"  # see `test_bad_supply_drivers`
+    }
 
 
 @pytest.mark.parametrize(
@@ -280,6 +351,16 @@ CAMERAS_IN_WORDS: list[tuple[str, type, str]] = [
         "gives_frames_in_order",
         grabbing(lambda frame: replace(frame, timestamp_s=-frame.timestamp_s)),
         r"time stamps should not decrease, but are \[-1\.0, -2\.0, -3\.0\] s",
+    ),
+    (
+        "gives_frames_in_order",
+        grabbing(lambda frame: replace(frame, image=frame.image.tolist())),
+        "the image of a frame should be an array, not list",
+    ),
+    (
+        "refuses_a_setting_that_cannot_be",
+        type("Changed", (Good,), {"__init__": lambda self, source, settings: self.__dict__.update(settings=settings)}),
+        r"opening with CameraSettings\(.*\) should raise InstrumentError",
     ),
     ("gives_frames_in_order", grabbing(lambda frame: frame.image), "should return a Frame|Frame"),
     ("gives_frames_in_order", grabbing(lambda frame: replace(frame, timestamp_s=math.nan)), "time"),
