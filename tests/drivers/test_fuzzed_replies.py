@@ -21,7 +21,8 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import DIALECTS, CoilSupply, emulate
 from eimi_drivers.interfaces import InstrumentError, Limits
 from eimi_drivers.supplies import SUPPLIES
-from eimi_drivers.supplies.base import LATE_ANSWER_S, READ_BACK_WITHIN_S, REPLY_TIMEOUT_S
+from eimi_drivers.supplies.base import READ_BACK_WITHIN_S
+from eimi_drivers.supplies.conversation import LATE_ANSWER_S, REPLY_TIMEOUT_S
 from eimi_drivers.supplies.transport import InProcessTransport, Responder
 
 LIMITS = Limits(current_A=1.0, voltage_V=12.0)

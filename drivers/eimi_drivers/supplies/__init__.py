@@ -1,11 +1,13 @@
 """Drivers of power supplies, and `open_supply`, which opens a supply by the name of its driver.
 
 supply_names    the drivers by name
-base            the functions of every driver: limits, read-back, protection, switching off in stages
+base            the functions of every driver: limits, read-back, protection, switching off
+conversation    queries over the line, the form of the answers, and the identity of the supply
 values          convert set-points to text, and answers to numbers or lines of text
 recognised      find the driver of a supply from its identification text
 identity        find the serial number in an identification text
-off             measure the current until the coil is off
+protections     the levels of the protections inside a supply, and what they do without contact
+off             switch off in stages, and measure the current until the coil is off
 korad           Korad supplies and their relabelled versions
 genesys         TDK-Lambda Genesys over a serial line
 kepco           Kepco BOP bipolar supplies

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
+from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.supplies.protections import PROTECTION_MARGIN, STAYS_ON, armed_in_words, check_level
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, TOO_HOT
 from eimi_drivers.supplies.transport import Transport
 from eimi_drivers.supplies.values import number_in
@@ -277,8 +278,12 @@ class AimTtiSupply(SupplyBase):
         self._raise_reported_errors()
         for command, answered, level in levels:
             answer = self._value(f"{command}{{channel}}?", name=f"{answered}{{channel}}")
-            self._verify_level(
-                self._fill(f"{command}{{channel}}?"), float(level), float(level) / PROTECTION_MARGIN, answer
+            check_level(
+                self._link.address,
+                self._fill(f"{command}{{channel}}?"),
+                float(level),
+                float(level) / PROTECTION_MARGIN,
+                answer,
             )
 
     def _send_voltage(self, text: str) -> None:

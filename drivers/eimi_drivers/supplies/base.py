@@ -15,56 +15,29 @@ from eimi_drivers.interfaces import (
     AnotherSupply,
     Clock,
     Identity,
-    InstrumentDisconnected,
     InstrumentError,
     Limits,
     Off,
     ProtectionTripped,
     Reading,
-    ReplyNotUnderstood,
     SetPointNotTaken,
     SetPointRefused,
     SwitchOffFailed,
 )
-from eimi_drivers.supplies.address import split_address, usb_serial_number
-from eimi_drivers.supplies.identity import in_words, serial_number_in
-from eimi_drivers.supplies.off import measured_off, off_limit_A
+from eimi_drivers.supplies.address import split_address
+from eimi_drivers.supplies.conversation import Conversation
+from eimi_drivers.supplies.off import confirmed_off, failed_stages, off_limit_A
+from eimi_drivers.supplies.protections import STAYS_ON
 from eimi_drivers.supplies.transport import Transport
-from eimi_drivers.supplies.values import line_in, number_in, set_point_text
+from eimi_drivers.supplies.values import set_point_text
 
-REPLY_TIMEOUT_S = 1.0
 READ_BACK_WITHIN_S = 0.6
 """Time (s) within which a supply must report a new set-point; some Korad firmware needs 0.45 s."""
-
-LATE_ANSWER_S = 1.0
-"""Time (s) after the timeout of a query within which a late answer is expected and discarded."""
-
-PROTECTION_MARGIN = 1.1
-"""Level at which a protection inside the supply switches the output off, divided by the limit of the driver.
-
-The level is above the limit, because this protection is needed only if the regulator of the supply fails.
-"""
-
-MEASURING_ATTEMPTS = 2
-"""Number of attempts to measure the current after the output was switched off."""
-
-STAYS_ON = "nothing switches the output off, it stays as it was set"
-"""The text of `without_contact` for a supply without a watchdog."""
-
-
-def armed_in_words(protections: str) -> str:
-    """Return the last part of a text `without_contact`, which lists the armed protections; empty without protections.
-
-    The text `without_contact` describes what the output does if the cable is pulled or the computer fails.
-    `protections` describes the armed protections, the protections inside the supply that the driver has switched on.
-    """
-    return f"; switched on in the supply: {protections}" if protections else ""
-
 
 _Value = TypeVar("_Value")
 
 
-class SupplyBase(ABC):
+class SupplyBase(Conversation, ABC):
     """Base class of supply drivers, which keeps set-points within limits and verifies every set-point.
 
     The current can be set from 0 to the limit, or from minus the limit to the limit if the supply is bipolar. A
@@ -107,7 +80,6 @@ class SupplyBase(ABC):
         A text that describes what the output does if the cable is pulled or the computer fails.
     """
 
-    name: ClassVar[str]
     current_step_A: str = "0.001"
     voltage_step_V: ClassVar[str] = "0.01"
     bipolar: ClassVar[bool] = False
@@ -126,14 +98,9 @@ class SupplyBase(ABC):
         return 0.0
 
     def __init__(self, link: Transport, limits: Limits, clock: Clock) -> None:
+        super().__init__(link, clock)
         self.limits = limits
-        self._link = link
-        self._clock = clock
         self._switched_on = False
-        self._unanswered = False
-        self._late_until_s = 0.0
-        self._bound: Identity | None = None
-        self._unconfirmed = False  # True after a reopening of the line, until the instrument is identified again
         channel = split_address(link.address)[1]
         self._channel = self.default_channel if channel is None else channel
         first, last = self.channels
@@ -177,7 +144,7 @@ class SupplyBase(ABC):
     @abstractmethod
     def _current_set(self) -> float: ...
 
-    def _raise_reported_errors(self) -> None:  # noqa: B027  an instrument without an error queue has none
+    def _raise_reported_errors(self) -> None:
         """Read the error queue of the supply, and raise InstrumentError if the queue contains errors."""
 
     def _enabled(self) -> bool:
@@ -192,17 +159,17 @@ class SupplyBase(ABC):
         """Return a text that names the tripped protections of the supply; empty if no protection has tripped."""
         return ""
 
-    def _protect(self) -> None:  # noqa: B027  not every instrument has protections to set
+    def _protect(self) -> None:
         """Arm the protections inside the supply and read them back, before the output is switched on."""
 
-    def _arm_watchdog(self) -> None:  # noqa: B027  few instruments have one
+    def _arm_watchdog(self) -> None:
         """Start the watchdog before the output is switched on.
 
         The watchdog is a timer inside the supply that switches the output off if no message arrives in time. A driver
         of a supply without a watchdog does nothing here.
         """
 
-    def _disarm_watchdog(self) -> None:  # noqa: B027
+    def _disarm_watchdog(self) -> None:
         """Stop the watchdog, a timer inside the supply, after the output was switched off."""
 
     def set_voltage(self, voltage_V: float) -> None:
@@ -304,11 +271,11 @@ class SupplyBase(ABC):
             raise failed from failed.__cause__
         if self._unconfirmed:
             self._confirm_identity()
-        off = self._measured_off(found_off)
+        off = confirmed_off(self.measure, off_limit_A(self), self._clock, self._link.address)
         with suppress(InstrumentError):
             self._disarm_watchdog()
         self._switched_on = False
-        return off
+        return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
         """Reopen the line, check that the same supply answers, and return whether its output is off already.
@@ -373,20 +340,6 @@ class SupplyBase(ABC):
                 "has no serial number: it may be another supply, not the supply of the coil"
             )
 
-    def _measured_off(self, found_off: bool) -> Off:
-        for _ in range(MEASURING_ATTEMPTS):
-            try:
-                off = measured_off(self.measure, off_limit_A(self), self._clock, self._link.address)
-                return replace(off, found_off=found_off)
-            except SwitchOffFailed:
-                raise
-            except Exception as error:  # a fault of a driver must not end the attempts
-                failed = error
-        raise SwitchOffFailed(
-            f"{self._link.address}: switching off the supply: current to zero: done; output off: done; read back: "
-            f"done; measured current: failed ({type(failed).__name__}: {failed})"
-        ) from failed
-
     def _try_to_switch_off(self) -> SwitchOffFailed | None:
         stages: tuple[tuple[str, Callable[[], None]], ...] = (
             ("current to zero", lambda: self._send_current(set_point_text(0.0, self.current_step_A))),
@@ -394,48 +347,11 @@ class SupplyBase(ABC):
             ("current to zero", lambda: self._verify_current(0.0)),
             ("read back", lambda: self._verify_output(False)),
         )
-        outcomes: dict[str, str] = {}
-        first: Exception | None = None
-        for stage, act in stages:
-            if outcomes.get(stage, "done") != "done":
-                continue
-            try:
-                act()
-                outcomes[stage] = "done"
-            except Exception as error:  # a fault of a driver must not prevent the later stages
-                outcomes[stage] = f"failed ({type(error).__name__}: {error})"
-                first = first or error
-        if first is None:
-            return None
-        listed = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
-        failed = SwitchOffFailed(f"{self._link.address}: switching off the supply: {listed}")
-        failed.__cause__ = first
-        return failed
+        return failed_stages(stages, self._link.address)
 
     def close(self) -> None:
         """Release the line and leave the output as it is. `safe_off` switches the output off."""
         self._link.close()
-
-    def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
-        """Send a query, wait `pause_s` (s), and return the answer.
-
-        The answer has at most `size` bytes, and ends earlier at the byte `end`. If the previous query had no answer,
-        the method waits before it sends the new query. A late answer to the previous query is then not taken for the
-        answer to the new query.
-        """
-        if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
-            self._clock.sleep(remaining_s)
-        self._link.write(message)
-        self._clock.sleep(pause_s)
-        self._unanswered = True
-        self._late_until_s = self._clock.now() + REPLY_TIMEOUT_S + LATE_ANSWER_S
-        try:
-            reply = self._link.read(size, REPLY_TIMEOUT_S, end)
-        except InstrumentDisconnected:
-            self._late_until_s -= REPLY_TIMEOUT_S
-            raise
-        self._unanswered = False
-        return reply
 
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:
         if not lowest <= value <= limit:  # in this form the condition also refuses "not a number"
@@ -512,72 +428,3 @@ class SupplyBase(ABC):
             right = 0
             self._clock.sleep(0.05)
         return None
-
-    def _verify_level(self, question: str, level: float, limit: float, answer: float) -> None:
-        """Raise SetPointNotTaken if the level of a protection in the supply differs too much from the level sent.
-
-        A difference of ``PROTECTION_MARGIN - 1`` times `limit` is allowed, because a supply may round the level. If
-        `level` is `PROTECTION_MARGIN` times `limit`, the level in the supply is then 1 to 1.2 times `limit`.
-
-        Parameters
-        ----------
-        question : str
-            The query for the level, for the message.
-        level : float
-            The level that was sent, A or V.
-        limit : float
-            The limit of the driver for the same quantity, A or V.
-        answer : float
-            The level that the supply reports, A or V.
-        """
-        if abs(answer - level) > (PROTECTION_MARGIN - 1) * limit:
-            raise SetPointNotTaken(
-                f"{self._link.address}: the protection level of the supply was set to {level:g}, but the answer to "
-                f"{question} is {answer:g}"
-            )
-
-    def _number(self, question: str, reply: bytes) -> float:
-        if (number := number_in(reply)) is None:
-            raise self._not_understood(question, reply, "a number")
-        return number
-
-    def _identity(self, reply: bytes) -> Identity:
-        text = self._line("*IDN?", reply)
-        return self._bind(text, serial_number_in(text))
-
-    def _line(self, question: str, reply: bytes) -> str:
-        text = line_in(reply)
-        if text is None or text == question:  # the answer equals the query if the line only echoes messages
-            raise self._not_understood(question, reply, "a line of text")
-        return text
-
-    def _bind(self, text: str, serial_number: str) -> Identity:
-        """Return the identity of the supply, and store the first identity for later comparisons.
-
-        Parameters
-        ----------
-        text : str
-            The identification text that the supply sent.
-        serial_number : str
-            The serial number that the supply sent. If this text is empty, the serial number of the USB port is used.
-
-        Raises
-        ------
-        AnotherSupply
-            The identity differs from the stored one.
-        """
-        address = self._link.address
-        identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))
-        self._bound = self._bound or identity
-        if self._bound != identity:
-            raise AnotherSupply(
-                f"{address}: the coil's supply is not there: {in_words(identity)} answers instead of "
-                f"{in_words(self._bound)}"
-            )
-        self._unconfirmed = False
-        return identity
-
-    def _not_understood(self, question: str, reply: bytes, expected: str) -> ReplyNotUnderstood:
-        return ReplyNotUnderstood(
-            f"{self._link.address}: the answer to {question} must be {expected}, but it is {reply!r}"
-        )

@@ -17,7 +17,8 @@ from eimi_drivers.interfaces import (
     Limits,
     Reading,
 )
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
+from eimi_drivers.supplies.base import SupplyBase
+from eimi_drivers.supplies.protections import PROTECTION_MARGIN, STAYS_ON, armed_in_words, check_level
 from eimi_drivers.supplies.scpi_profiles import OVER_VOLTAGE
 from eimi_drivers.supplies.transport import SerialTransport, Transport
 
@@ -181,7 +182,7 @@ class GenesysSupply(SupplyBase):
         level_V = self._ovp_V()
         self._command("FLD OFF")
         self._command(f"OVP {level_V:.2f}")
-        self._verify_level("OVP?", level_V, self.limits.voltage_V, self._ask_value("OVP?"))
+        check_level(self._link.address, "OVP?", level_V, self.limits.voltage_V, self._ask_value("OVP?"))
         if (reply := self._ask("FLD?").strip()) != b"OFF":
             raise self._not_understood("FLD?", reply, "OFF")
 

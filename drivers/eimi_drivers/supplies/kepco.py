@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from eimi_drivers.interfaces import SetPointNotTaken
-from eimi_drivers.supplies.base import STAYS_ON, armed_in_words
+from eimi_drivers.supplies.protections import STAYS_ON, armed_in_words
 from eimi_drivers.supplies.scpi import ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import GENERIC
 

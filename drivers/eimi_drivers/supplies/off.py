@@ -7,7 +7,7 @@ when no current flows.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isnan
 
 from eimi_drivers.interfaces import Clock, Off, PowerSupply, Reading, SwitchOffFailed
@@ -20,6 +20,10 @@ DECAYS_WITHIN_S = 2.0
 
 MEASURE_EVERY_S = 0.05
 """Wait (s) between two measurements of the decaying current."""
+
+
+MEASURING_ATTEMPTS = 2
+"""Number of attempts to measure the current after the output was switched off."""
 
 
 def off_limit_A(supply: PowerSupply) -> float:
@@ -72,6 +76,66 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
                 limit_A,
             )
         clock.sleep(MEASURE_EVERY_S)
+
+
+def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str) -> Off:
+    """Measure the current as `measured_off` does, after a supply was switched off and its settings were verified.
+
+    If the measurement fails, the measurement is repeated `MEASURING_ATTEMPTS` times in all. The parameters are those of
+    `measured_off`.
+
+    Raises
+    ------
+    SwitchOffFailed
+        The current is still above the limit, or every measurement failed.
+    """
+    for _ in range(MEASURING_ATTEMPTS):
+        try:
+            return measured_off(measure, limit_A, clock, name)
+        except SwitchOffFailed:
+            raise
+        except Exception as error:  # a fault of a driver must not end the attempts
+            failed = error
+    raise SwitchOffFailed(
+        f"{name}: switching off the supply: current to zero: done; output off: done; read back: "
+        f"done; measured current: failed ({type(failed).__name__}: {failed})"
+    ) from failed
+
+
+def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -> SwitchOffFailed | None:
+    """Carry out all stages of switching a supply off, even if a stage fails.
+
+    A stage whose earlier part with the same name has failed is left out.
+
+    Parameters
+    ----------
+    stages : sequence of (str, callable)
+        The name of each stage for the message, and the function that carries it out.
+    name : str
+        The address of the supply, for the message.
+
+    Returns
+    -------
+    SwitchOffFailed or None
+        The error with the outcome of every stage, whose cause is the first error; None if no stage failed.
+    """
+    outcomes: dict[str, str] = {}
+    first: Exception | None = None
+    for stage, act in stages:
+        if outcomes.get(stage, "done") != "done":
+            continue
+        try:
+            act()
+            outcomes[stage] = "done"
+        except Exception as error:  # a fault of a driver must not prevent the later stages
+            outcomes[stage] = f"failed ({type(error).__name__}: {error})"
+            first = first or error
+    if first is None:
+        return None
+    listed = "; ".join(f"{stage}: {outcome}" for stage, outcome in outcomes.items())
+    failed = SwitchOffFailed(f"{name}: switching off the supply: {listed}")
+    failed.__cause__ = first
+    return failed
 
 
 def switch_off(supply: PowerSupply, clock: Clock) -> Off | None:

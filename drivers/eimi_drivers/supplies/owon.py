@@ -9,8 +9,9 @@ understand is ERR.
 from __future__ import annotations
 
 from eimi_drivers.interfaces import InstrumentError, InstrumentTimeout
-from eimi_drivers.supplies.base import REPLY_TIMEOUT_S, STAYS_ON, armed_in_words
+from eimi_drivers.supplies.conversation import REPLY_TIMEOUT_S
 from eimi_drivers.supplies.profile import Profile
+from eimi_drivers.supplies.protections import STAYS_ON, armed_in_words
 from eimi_drivers.supplies.scpi import LONGEST_LINE, ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, OVER_CURRENT_TRIPPED, OVER_VOLTAGE_TRIPPED, TOO_HOT
 

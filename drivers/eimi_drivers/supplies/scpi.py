@@ -11,8 +11,9 @@ from typing import ClassVar
 
 from eimi_drivers.interfaces import Clock, Identity, InstrumentError, Limits, Reading, SetPointNotTaken
 from eimi_drivers.supplies.address import is_serial_port
-from eimi_drivers.supplies.base import PROTECTION_MARGIN, STAYS_ON, SupplyBase, armed_in_words
+from eimi_drivers.supplies.base import SupplyBase
 from eimi_drivers.supplies.profile import Profile, Watchdog
+from eimi_drivers.supplies.protections import PROTECTION_MARGIN, STAYS_ON, armed_in_words, check_level
 from eimi_drivers.supplies.transport import Transport
 from eimi_drivers.supplies.visa import open_visa
 
@@ -182,7 +183,7 @@ class ScpiSupply(SupplyBase):
                 f"{self._fill(question)} shows"
             )
         answer = self._number(self._fill(question), reply)
-        self._verify_level(self._fill(question), level, level / PROTECTION_MARGIN, answer)
+        check_level(self._link.address, self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
         """Set the modes in which the supply obeys the set-points, such as current priority (`Profile.modes`).

@@ -8,8 +8,8 @@ is also assumed: 0.1 % of 40 A.
 from __future__ import annotations
 
 from eimi_drivers.interfaces import Identity, SetPointNotTaken
-from eimi_drivers.supplies.base import STAYS_ON, armed_in_words
 from eimi_drivers.supplies.profile import Profile
+from eimi_drivers.supplies.protections import STAYS_ON, armed_in_words
 from eimi_drivers.supplies.scpi import ScpiSupply
 from eimi_drivers.supplies.scpi_profiles import OVER_BOTH, OVER_CURRENT_TRIPPED, OVER_VOLTAGE_TRIPPED, TOO_HOT
 
