@@ -11,6 +11,8 @@ frame_stream      compression and writing of frames in threads while the camera 
 recorded_frames   the frames of a ring-down or of creep, read one at a time
 steps             the set-points of a run, and the steps of the coil current that began its ring-downs
 state             the class `State`: the loads and flags of one state
+stored_states     the loads and flags of the states in the file
+stored_frames     the frames of the states in the file
 points            datasets of tracked material points instead of frames
 tip_force_angles  the directions of the tip forces in the file
 opened_file       open an HDF5 file that is finished, in use or left open by a crash

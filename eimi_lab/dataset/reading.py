@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -21,23 +20,20 @@ from eimi_lab.config.toml import differences, parse
 from eimi_lab.dataset.containment import FORMER, refuse_links_and_absurd_sizes
 from eimi_lab.dataset.dark_and_flat import correction_by, stored_correction
 from eimi_lab.dataset.labelled import labelled_edges, labelled_points
-from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, flags_from_text, get_start, get_text, to_stored
+from eimi_lab.dataset.layout import FORMAT, FORMAT_ATTRIBUTE, Kind, get_start, get_text
 from eimi_lab.dataset.logged_sensor import SensorLog
-from eimi_lab.dataset.measured_columns import measured_column
-from eimi_lab.dataset.measured_field import measured_line
 from eimi_lab.dataset.moving.stored_motions import read_motions
 from eimi_lab.dataset.opened_file import open_file
 from eimi_lab.dataset.points import TrackedPoints, read_points
 from eimi_lab.dataset.recorded_frames import RecordedFrames, creep_frames, recorded_ring_downs
 from eimi_lab.dataset.recordings import CONDITIONING, TRANSIENTS, Recording, read_recording
 from eimi_lab.dataset.sensor_logs import read_sensor_logs
-from eimi_lab.dataset.state import State
 from eimi_lab.dataset.steps import RingDownStep, SetPoint, read_set_points
 from eimi_lab.dataset.stored_edges import read_edges, read_projection
-from eimi_lab.dataset.tip_force_angles import tip_force_angles
+from eimi_lab.dataset.stored_frames import damaged_frames, each_image_of_state, images_of_state
+from eimi_lab.dataset.stored_states import mean_by_state, read_states
 from eimi_lab.dataset.upright import turn
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.limits import refuse_unpacked
 from eimi_lab.showing.tables import html_table
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.edge_set import EdgeSet
@@ -158,54 +154,12 @@ class Dataset:
             self.field_angle_deg = float(states.attrs["field_angle_deg"])
             self.gravity = bool(states.attrs.get("gravity", True))
         try:
-            self.states: tuple[State, ...] = self._read_states()
+            self.states, self.field_line = read_states(path, self._entry, self.kind)
         except OSError as error:
             raise InputError(
                 f"{path}: the tables of the states in the file are damaged ({error}); `eimi recover` may repair them "
                 "in a new file, or use another copy of this file"
             ) from error
-
-    def _read_states(self) -> tuple[State, ...]:
-        table = self._entry["states"]
-        indices = table["index"][()]
-        if not np.array_equal(indices, np.arange(len(indices))):
-            raise InputError(
-                f"{self.path}: the numbers of the states in the file are damaged; `eimi recover` may repair them in a "
-                "new file"
-            )
-        angles = tip_force_angles(table, len(indices))
-        sigmas, temperatures = (measured_column(table, name, len(indices)) for name in ("field_sigma", "temperature"))
-        fields = table["field"][: len(indices)]
-        logs = read_sensor_logs(self._entry, len(indices)) if self.kind == "frames" else ()
-        self.field_line = measured_line(logs, table["current"][: len(indices)])
-        if self.field_line is not None:
-            fields = self.field_line.mT_per_A * table["current"][: len(indices)]
-        for log in logs:
-            if log.sensor.measures == "specimen_temperature":
-                temperatures = log.by_state(len(indices))
-        measured = np.full(len(indices), np.nan)
-        if self.kind == "frames":
-            # Rows of a state whose storing was not completed are ignored.
-            of_state, values = self._entry["data/state"][()], self._entry["data/measured_current"][()]
-            rows = min(len(of_state), len(values))
-            complete = np.isin(of_state[:rows], indices)
-            frames = np.bincount(of_state[:rows][complete], minlength=len(indices))[: len(indices)]
-            sums = np.bincount(of_state[:rows][complete], weights=values[:rows][complete], minlength=len(indices))
-            measured = sums[: len(indices)] / frames
-        return tuple(
-            State(
-                index=int(index),
-                current_A=_none_if_nan(table["current"][index]),
-                measured_A=_none_if_nan(measured[index]),
-                field_mT=float(fields[index]),
-                tip_force_N=float(table["tip_force"][index]),
-                flags=flags_from_text(table["flags"][index]),
-                tip_force_angle_deg=_none_if_nan(angles[index]),
-                field_sigma_mT=_none_if_nan(sigmas[index]),
-                temperature_degC=_none_if_nan(temperatures[index]),
-            )
-            for index in indices
-        )
 
     def text(self, name: str) -> str | None:
         """Return the TOML text of one input file of the run, as stored in the dataset; None if the text is not stored.
@@ -240,18 +194,7 @@ class Dataset:
         read.
         """
         with self._naming_damage():
-            rows = np.flatnonzero(self._entry["data/state"][()] == state_index)[:most]
-            frames = self._entry["data/frames"]
-            count = int(rows[-1] + 1 - rows[0]) if len(rows) else 0
-            claimed = count * int(np.prod(frames.shape[1:], dtype=object)) * frames.dtype.itemsize
-            refuse_unpacked(
-                claimed, f"{self.path}: according to the file, state {state_index} has {len(rows)} frames, which"
-            )
-            try:
-                images = frames[rows[0] : rows[-1] + 1]
-            except OSError as error:
-                raise self._damaged(state_index, rows, error) from error
-            return images if images.ndim == 3 else images[..., ::-1]
+            return images_of_state(self.path, self._entry, state_index, most)
 
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
         """Yield the frames of a state one after another, so that only one frame is in memory at a time.
@@ -260,25 +203,7 @@ class Dataset:
         InputError for a damaged frame.
         """
         with self._naming_damage():
-            rows = np.flatnonzero(self._entry["data/state"][()] == state_index)
-            frames = self._entry["data/frames"]
-            for row in rows:
-                try:
-                    image = frames[row]
-                except OSError as error:
-                    raise self._damaged(state_index, rows, error) from error
-                yield to_stored(image)
-
-    def _damaged(self, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
-        """Return an InputError whose message gives the numbers of the damaged frames of a state.
-
-        ``rows`` are the rows of the frames of the state in the stack, and ``error`` is the error that HDF5 raised.
-        """
-        damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not self._readable(row))
-        return InputError(
-            f"{self.path}: frame {damaged} of the {len(rows)} frames of state {state_index} (counted from 0) "
-            f"is damaged ({error}); `eimi recover` makes a copy without damaged frames"
-        )
+            yield from each_image_of_state(self.path, self._entry, state_index)
 
     def transient(self, state_index: int) -> Recording | None:
         """Return the frames that were taken while the beam settled in a state; None if the run stored no such frames.
@@ -349,14 +274,7 @@ class Dataset:
 
         Every frame is read to find the damaged frames, which may take long.
         """
-        return tuple(row for row in range(len(self._entry["data/frames"])) if not self._readable(row))
-
-    def _readable(self, row: int) -> bool:
-        try:
-            self._entry["data/frames"][row]
-        except OSError:
-            return False
-        return True
+        return damaged_frames(self._entry["data/frames"])
 
     def frame_format(self) -> tuple[tuple[int, ...], np.dtype[Any]]:
         """Return the shape of a frame, and the data type of its pixels.
@@ -391,12 +309,7 @@ class Dataset:
         if self.kind != "frames" or not self.states:
             return np.zeros(0)
         with self._naming_damage():
-            of_state, times = self._entry["data/state"][()], self._entry["data/time"][()]
-            rows = min(len(of_state), len(times))
-            kept = np.isin(of_state[:rows], np.arange(len(self.states)))
-            count = np.bincount(of_state[:rows][kept], minlength=len(self.states))
-            total = np.bincount(of_state[:rows][kept], weights=times[:rows][kept], minlength=len(self.states))
-            return np.asarray(total / np.maximum(count, 1))
+            return np.nan_to_num(mean_by_state(self._entry, "time", len(self.states)))
 
     def last_time_s(self) -> float:
         """Return the time of the last frame on the clock of the run, s; 0 if the dataset has no frame."""
@@ -503,10 +416,6 @@ class Dataset:
         """
         with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
-
-
-def _none_if_nan(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)
 
 
 def open_dataset(path: str | Path) -> Dataset:
