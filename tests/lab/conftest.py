@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,6 +46,9 @@ depth_mm = 2.0
 density_kg_m3 = 1070.0
 section = "plane-strain"
 """
+
+PICTURES, NAMES = 24, 3000
+"""Numbers of pictures and of file names in the fixture `bench`; several names lead to one picture."""
 
 CALIBRATION = """
 pixels_per_mm = 8.0
@@ -261,3 +265,15 @@ def dataset(files: Path) -> Path:
             flags = (Flag("NOT_SETTLED", 2.0, 1.2, "Wait."),) if k else ()
             writer.append_state(frames, current_A=k / 10, field_mT=0.47 * k, flags=flags)
     return files / "run.h5"
+
+
+@pytest.fixture
+def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
+    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
+    recording = files / "recording"
+    recording.mkdir()
+    for number in range(PICTURES):
+        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
+    for number in range(PICTURES, NAMES):
+        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
+    return files

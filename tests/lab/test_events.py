@@ -15,8 +15,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import pytest
 
 from eimi_drivers.clock import WallClock
@@ -251,21 +249,6 @@ def test_a_listener_that_fails_ends_the_run_with_the_coil_off(setup: Any) -> Non
         setup.run(remark=lambda words: None, on_event=fail)
     assert setup.is_off()
     assert setup.stored() == [0.0, 0.1]
-
-
-PICTURES, NAMES = 24, 3000
-
-
-@pytest.fixture
-def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
-    recording = files / "recording"
-    recording.mkdir()
-    for number in range(PICTURES):
-        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
-    for number in range(PICTURES, NAMES):
-        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
-    return files
 
 
 @contextmanager

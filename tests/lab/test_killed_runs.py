@@ -6,7 +6,6 @@ current in the coil.
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -14,18 +13,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_lab.dataset.reading import open_dataset
+from tests.lab.conftest import NAMES, PICTURES
 from tests.patience import PATIENCE_S
 
 FOUR_STATES = [0.0, 0.1, 0.2, 0.3]
-PICTURES, NAMES = 24, 3000
 
 
 @dataclass
@@ -41,18 +38,6 @@ class RunEnd:
     @property
     def acknowledged(self) -> int:
         return sum(line.startswith("acquire ") for line in self.lines)
-
-
-@pytest.fixture
-def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
-    recording = files / "recording"
-    recording.mkdir()
-    for number in range(PICTURES):
-        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
-    for number in range(PICTURES, NAMES):
-        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
-    return files
 
 
 def run(bench: Path, driver: str, address: str, after: int, act: Callable[[subprocess.Popen[str]], None]) -> RunEnd:

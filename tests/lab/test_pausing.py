@@ -12,7 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import h5py
 import numpy as np
 import pytest
@@ -28,7 +27,6 @@ from eimi_lab.process.stopping import Stopped
 from eimi_lab.process.writer_lock import only_writer
 from tests.patience import PATIENCE_S
 
-PICTURES, NAMES = 24, 3000
 SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
@@ -165,18 +163,6 @@ def test_a_rerun_on_a_file_in_use_proposes_neither_to_resume_nor_to_replace_it(s
     assert done.returncode == 2
     assert "run.h5: is being written to by process" in done.stderr
     assert "--force" not in done.stderr
-
-
-@pytest.fixture
-def bench(files: Path, frame: Callable[..., np.ndarray]) -> Path:
-    """A folder with a protocol, a specimen, and enough images of a beam at rest for a whole run."""
-    recording = files / "recording"
-    recording.mkdir()
-    for number in range(PICTURES):
-        cv2.imwrite(str(recording / f"f_{number}.png"), frame(number))
-    for number in range(PICTURES, NAMES):
-        os.link(recording / f"f_{number % PICTURES}.png", recording / f"f_{number}.png")
-    return files
 
 
 def test_p_and_enter_on_a_terminal_pause_a_run(bench: Path) -> None:
