@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen
+from eimi_lab.commands.shared_options import Force, Output, Protocol, Specimen
 from eimi_lab.process.errors import InputError
 
 BENCH = "bench"
@@ -230,9 +230,7 @@ def _serve_bench(
 
 
 def acquire(
-    protocol: Annotated[
-        str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
-    ],
+    protocol: Protocol,
     specimen: Specimen,
     rig: Annotated[str, typer.Option(metavar="FILE", help="rig.toml, or the name of a shipped rig such as virtual")],
     output: Annotated[

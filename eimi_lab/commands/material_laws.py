@@ -8,17 +8,22 @@ from typing import Annotated
 import typer
 
 from eimi_lab.commands.result import Result
-from eimi_lab.commands.shared_options import Force, Output, Specimen, Workers, with_fields
-from eimi_lab.fits.options import FitOptions
+from eimi_lab.commands.shared_options import Force, Output, Protocol, Specimen, Workers, with_fields
+from eimi_lab.fits.options import FitOptions, IncludeFlagged, Section
+
+Laws = Annotated[
+    list[str],
+    typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
+]
+FitIndex = Annotated[
+    int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
+]
 
 
 @with_fields(FitOptions)
 def fit(
     datasets: Annotated[list[Path], typer.Argument(help="one or more datasets, which are fitted together")],
-    model: Annotated[
-        list[str],
-        typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
-    ],
+    model: Laws,
     output: Output,
     options: FitOptions,
     seed: Annotated[
@@ -103,20 +108,8 @@ def validate(
         typer.Option(metavar="FILE", help="fits.json with fits of datasets or of tensile tests; may be repeated"),
     ],
     output: Output,
-    section: Annotated[
-        str | None,
-        typer.Option(
-            metavar="solid|plane-strain|plane-stress",
-            help="model of the cross-section; default: the section in the specimen file",
-        ),
-    ] = None,
-    include_flagged: Annotated[
-        bool,
-        typer.Option(
-            "--include-flagged",
-            help="also use the states that a fit leaves out by default because a flag makes them unusable",
-        ),
-    ] = False,
+    section: Section = None,
+    include_flagged: IncludeFlagged = False,
     by_state: Annotated[
         bool, typer.Option("--by-state", help="also print the error and the deviation of every state")
     ] = False,
@@ -150,10 +143,7 @@ def tensile(
             help="CSV file with strain and stress: two columns, or a file of the Soft Robotics Materials Database"
         ),
     ],
-    model: Annotated[
-        list[str],
-        typer.Option(metavar="LAW", help="law to fit: neo-hookean, mooney-rivlin, yeoh or ogden; may be repeated"),
-    ],
+    model: Laws,
     output: Output,
     window: Annotated[
         list[str] | None,
@@ -197,9 +187,7 @@ def export(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="file to write", show_default="print the card"),
     ] = None,
-    index: Annotated[
-        int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
-    ] = None,
+    index: FitIndex = None,
     bulk_modulus_kPa: Annotated[
         float | None,
         typer.Option("--bulk-modulus-kPa", help="bulk modulus in the card, in kPa; it is never taken from a fit"),
@@ -229,9 +217,7 @@ def export(
 
 
 def simulate(
-    protocol: Annotated[
-        str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
-    ],
+    protocol: Protocol,
     specimen: Specimen,
     model: Annotated[
         str, typer.Option(metavar="LAW", help="law of the material: neo-hookean, mooney-rivlin, yeoh or ogden")
@@ -251,9 +237,7 @@ def simulate(
             help="fits.json whose parameters are used instead of --parameter; the tip curve then has intervals",
         ),
     ] = None,
-    index: Annotated[
-        int | None, typer.Option(help="number of the fit in the file, from 0, if several fits have this law")
-    ] = None,
+    index: FitIndex = None,
     coil_constant: Annotated[float, typer.Option(help="field of the coil at the magnet, in mT for each ampere")] = 4.7,
     gravity_angle: Annotated[
         float,

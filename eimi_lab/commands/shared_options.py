@@ -12,6 +12,9 @@ import typer
 
 from eimi_lab.commands.result import Result
 
+Protocol = Annotated[
+    str, typer.Argument(help="protocol.toml, or the name of a shipped protocol such as dragon_skin_10")
+]
 Specimen = Annotated[
     str, typer.Option(metavar="FILE", help="specimen.toml, or the name of a shipped specimen such as type1")
 ]

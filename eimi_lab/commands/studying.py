@@ -9,6 +9,7 @@ import typer
 
 from eimi_lab.commands.result import Result
 from eimi_lab.commands.shared_options import Force, Output
+from eimi_lab.fits.options import IncludeFlagged, Section
 
 
 def discover(
@@ -41,20 +42,8 @@ def discover(
             min=0.0,
         ),
     ] = 0.02,
-    section: Annotated[
-        str | None,
-        typer.Option(
-            metavar="solid|plane-strain|plane-stress",
-            help="model of the cross-section; default: the section in the specimen file",
-        ),
-    ] = None,
-    include_flagged: Annotated[
-        bool,
-        typer.Option(
-            "--include-flagged",
-            help="also use the states that a fit leaves out by default because a flag makes them unusable",
-        ),
-    ] = False,
+    section: Section = None,
+    include_flagged: IncludeFlagged = False,
     seed: Annotated[
         int, typer.Option(help="seed of the random numbers of the search for the initial value of the modulus", min=1)
     ] = 1,

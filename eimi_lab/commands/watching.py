@@ -10,17 +10,16 @@ import typer
 
 from eimi_lab.process.errors import InputError, tell
 
+Port = Annotated[int, typer.Option(help="port at which the page is served; 0 chooses a free port", min=0, max=65535)]
+Host = Annotated[str, typer.Option(metavar="ADDRESS", help="address of this computer at which the page is served")]
+
 
 def dashboard(
     folder: Annotated[
         Path, typer.Argument(help="folder with datasets, images and TOML files; the page uses no other folder")
     ] = Path(),
-    port: Annotated[
-        int, typer.Option(help="port at which the page is served; 0 chooses a free port", min=0, max=65535)
-    ] = 0,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="address of this computer at which the page is served")
-    ] = "127.0.0.1",
+    port: Port = 0,
+    host: Host = "127.0.0.1",
     open_to_network: Annotated[
         bool,
         typer.Option(
@@ -40,12 +39,8 @@ def dashboard(
 
 def phone(
     folder: Annotated[Path, typer.Argument(help="folder for the photographs; it may be empty at first")],
-    port: Annotated[
-        int, typer.Option(help="port at which the page is served; 0 chooses a free port", min=0, max=65535)
-    ] = 0,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="address of this computer at which the page is served")
-    ] = "127.0.0.1",
+    port: Port = 0,
+    host: Host = "127.0.0.1",
     open_to_network: Annotated[
         bool,
         typer.Option(

@@ -27,24 +27,28 @@ _BULK = "bulk"
 _LAWS_OF_TIME = ("none", "prony")
 
 
+Section = Annotated[
+    str | None,
+    typer.Option(
+        metavar="solid|plane-strain|plane-stress",
+        help="model of the cross-section; default: the section in the specimen file",
+    ),
+]
+IncludeFlagged = Annotated[
+    bool,
+    typer.Option(
+        "--include-flagged",
+        help="also use the states that a fit leaves out by default because a flag makes them unusable",
+    ),
+]
+
+
 @dataclass(frozen=True)
 class FitOptions:
     """The options of `eimi fit` that determine the numbers of the fit."""
 
-    section: Annotated[
-        str | None,
-        typer.Option(
-            metavar="solid|plane-strain|plane-stress",
-            help="model of the cross-section; default: the section in the specimen file",
-        ),
-    ] = None
-    include_flagged: Annotated[
-        bool,
-        typer.Option(
-            "--include-flagged",
-            help="also use the states that a fit leaves out by default because a flag makes them unusable",
-        ),
-    ] = False
+    section: Section = None
+    include_flagged: IncludeFlagged = False
     free: Annotated[
         list[str] | None,
         typer.Option(

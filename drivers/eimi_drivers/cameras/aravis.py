@@ -19,7 +19,7 @@ from eimi_drivers.cameras.aravis_library import BUFFER_STATUS, SUCCESS, Aravis, 
 from eimi_drivers.cameras.aravis_settings import set_up
 from eimi_drivers.cameras.labelled import labelled
 from eimi_drivers.cameras.pixel_formats import decode
-from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
+from eimi_drivers.cameras.settings import FRAMES_ON_THE_WAY, NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
     Frame,
     Identity,
@@ -31,12 +31,6 @@ from eimi_drivers.interfaces import (
 
 BUFFERS = 32
 """Number of frames that Aravis stores while the program does something else and the camera continues to expose."""
-
-FRAMES_ON_THE_WAY = 2
-"""Number of frames that a freely running camera began before a flush and delivers after the flush.
-
-During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
-"""
 
 ANSWER_WITHIN_S = 0.4
 """Additional time (s) for the answer to a command, if the camera sent no frame within the timeout."""

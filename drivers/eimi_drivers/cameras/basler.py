@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from eimi_drivers.cameras.rolling_shutter import READOUT_FEATURE, SHUTTER_FEATURES, row_time_s
-from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
+from eimi_drivers.cameras.settings import FRAMES_ON_THE_WAY, NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
     Frame,
     Identity,
@@ -31,12 +31,6 @@ PIXEL_FORMATS = {8: "Mono8", 10: "Mono10", 12: "Mono12", 16: "Mono16"}
 USB_TICKS_PER_S = 1e9
 BUFFERS = 32
 """Number of frames that pypylon stores while the program does something else and the camera continues to expose."""
-
-FRAMES_ON_THE_WAY = 2
-"""Number of frames that a freely running camera began before a flush and delivers after the flush.
-
-During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
-"""
 
 
 class BaslerCamera:

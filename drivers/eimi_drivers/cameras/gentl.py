@@ -17,7 +17,7 @@ from eimi_drivers.cameras.aravis_settings import RESULTING_RATES
 from eimi_drivers.cameras.labelled import labelled
 from eimi_drivers.cameras.pixel_formats import choose_format, decode, depth_of
 from eimi_drivers.cameras.rolling_shutter import READOUT_FEATURE, SHUTTER_FEATURES, row_time_s
-from eimi_drivers.cameras.settings import NO_SETTINGS, SOFTWARE, CameraSettings
+from eimi_drivers.cameras.settings import FRAMES_ON_THE_WAY, NO_SETTINGS, SOFTWARE, CameraSettings
 from eimi_drivers.interfaces import (
     Frame,
     Identity,
@@ -32,11 +32,6 @@ PRODUCERS = "GENICAM_GENTL64_PATH"
 """The environment variable that lists the folders of the GenTL producers (GenTL standard 1.5, section 1.6.2)."""
 
 BUFFERS = 32
-FRAMES_ON_THE_WAY = 2
-"""Number of frames that a freely running camera began before a flush and delivers after the flush.
-
-During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
-"""
 
 SHORTEST_S = 0.001
 EXPOSURE_FEATURES = ("ExposureTime", "ExposureTimeAbs")

@@ -14,6 +14,12 @@ WITHIN = 0.02
 A difference is permitted because cameras round exposure, gain and gamma.
 """
 
+FRAMES_ON_THE_WAY = 2
+"""Number of frames that a freely running camera began before a flush and delivers after the flush.
+
+During the flush one frame is being transferred and one frame is being exposed. The driver discards both frames.
+"""
+
 
 @dataclass(frozen=True)
 class CameraSettings:

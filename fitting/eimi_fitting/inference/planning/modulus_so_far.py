@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.beside import SolidOptions
 from eimi_fitting.beam.depth_effect import DepthEffect
 from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import SOLID, correction, polished
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
@@ -165,7 +164,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
     is_solid = specimen.section == "solid"
     corrected = _with_depth(problem, whole, before.depth if before else None) if is_solid else None
     problem, optimum, effects, depth = corrected or (problem, polish(problem.nearby(1.0), whole), (), None)
-    planar_share = 1.0 if depth or not is_solid else 1.0 / (1.0 + _expected_bias(specimen))
+    planar_share = 1.0 if depth or not is_solid else 1.0 / (1.0 + expected_bias(specimen))
     fitted = estimate(problem, optimum, effects, _noise(problem, optimum), (), 1)
     modulus, first = fitted.initial_shear_modulus, fitted.measure_next
     low_Pa, high_Pa = (planar_share * end for end in modulus.interval_95)
@@ -197,7 +196,7 @@ def _with_depth(
     batch, distance = difference_batch(unit)
     optimum = Optimum(unit, problem.evaluate(batch, 1.0, keep=True), distance, Polish(0.0, 0.0, 0))
     effects: tuple[Effect, ...] = ()
-    percent = max(100 * SOLID.remaining_share * abs(_expected_bias(plain[0].model.specimen)), _LEAST_PERCENT)
+    percent = max(100 * SOLID.remaining_share * abs(expected_bias(plain[0].model.specimen)), _LEAST_PERCENT)
     for _ in range(_PASSES):
         modulus_Pa = float(problem.unknowns.parameters(optimum.unit[None])[0, 0])
         if depth and abs(modulus_Pa / depth.modulus_Pa - 1) > _CARRIED:
@@ -226,9 +225,3 @@ def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))
-
-
-@lru_cache(maxsize=8)
-def _expected_bias(specimen: Specimen) -> float:
-    """Return the expected relative error of the modulus due to a planar model; computed once for each specimen."""
-    return expected_bias(specimen)

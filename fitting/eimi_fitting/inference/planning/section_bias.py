@@ -8,6 +8,7 @@ states of a three-dimensional Neo-Hookean beam are enough to compute the error t
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ ALONG, ACROSS = 13, 1
 _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 
+@lru_cache(maxsize=8)
 def expected_bias(specimen: Specimen) -> float:
     """Return the relative error of a modulus that is identified with a planar section.
 
