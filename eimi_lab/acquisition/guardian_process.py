@@ -1,7 +1,7 @@
 """The guardian process: wait until the run dies or stands still, and then switch the coil off.
 
-The process opens no port while it waits. It reports that it is ready after it has imported all its modules. The run
-switches the output on only after this report.
+The process opens no port while it waits. It reports that it is ready after it has imported all its modules and loaded
+the VISA library. The run switches the output on only after this report.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from eimi_drivers.interfaces import AnotherSupply, InstrumentError, Off, PowerSu
 from eimi_drivers.supplies.off import measured_off, off_limit_A, switch_off
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
+from eimi_drivers.supplies.visa import load_visa
 from eimi_lab.acquisition.added_driver import unpack
 from eimi_lab.acquisition.doubt import doubted_after
 from eimi_lab.acquisition.event_lines import sending_events
@@ -96,6 +97,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
         on_event(Warned(message=ENDED_WITH_OTHERS))
     run = Starter()
     never_wait_to_write(TO_RUN)
+    load_visa(ward.address)
     scoped = move_to_own_scope("eimi-guardian", f"switches the supply at {ward.address} off if its run dies")
     _log.info("the guardian process runs in a systemd scope of its own: %s", scoped)
     _say(READY)

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError
 
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.paths import reachable
+from eimi_lab.process.replacing import patiently
 
 
 class Table(BaseModel):
@@ -93,10 +94,10 @@ def is_dataset(path: Path) -> bool:
 
 def read_text(path: Path) -> str:
     """Return the text of a file in UTF-8. Raises InputError if the file cannot be read."""
-    if path.exists() and not (path.is_file() or path.is_dir()):  # reading a device or a pipe might never end
-        raise InputError(f"{path}: is a device or a pipe, not a file")
+    if path.exists() and not path.is_file():  # reading a device or a pipe might never end
+        raise InputError(f"{path}: is a folder, a device or a pipe, not a file")
     try:
-        return path.read_text(encoding="utf-8")
+        return patiently(lambda: path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:

@@ -10,6 +10,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.process.replacing import patiently
+
 COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature_degC", "degC")}
 """For each column in the file, the attribute of `Measured` that holds the values, and the unit."""
 
@@ -34,7 +36,7 @@ def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
 
     ``loads`` contains one element for each state.
     """
-    with h5py.File(path, "r+") as file:
+    with patiently(lambda: h5py.File(path, "r+")) as file:
         write_measured_columns(file["entry/states"], loads)
 
 

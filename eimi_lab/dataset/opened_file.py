@@ -10,6 +10,7 @@ from eimi_lab.dataset.repair.mended_file import MendedFile
 from eimi_lab.dataset.repair.probing import why_unreadable
 from eimi_lab.dataset.repair.superblock import close_superblock
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.replacing import patiently
 from eimi_lab.process.writer_lock import is_being_written
 
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
@@ -40,9 +41,10 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
+        patiently(lambda: path.open("rb")).close()  # HDF5 takes a file that it cannot open for no HDF5 file
         is_hdf5 = h5py.is_hdf5(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     if not is_hdf5:
         raise InputError(f"{path}: {_not_a_dataset(path)}")
     try:

@@ -37,6 +37,7 @@ from eimi_lab.dataset.sensor_logs import log_of, sensor_names
 from eimi_lab.process.errors import InputError, OwnFault, tell
 from eimi_lab.process.limits import child_arguments, limit_memory, obey_processor_limit, run_limited
 from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.replacing import patiently
 from eimi_lab.process.writer_lock import is_being_written
 from eimi_lab.vision.flags import judge
 
@@ -190,7 +191,7 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
     with open_dataset(path) as recovered:
         damaged = recovered.damaged_frames() if recovered.kind == "frames" else ()
     if damaged:
-        with h5py.File(path, "r+", libver=WRITTEN_AS) as copy:
+        with patiently(lambda: h5py.File(path, "r+", libver=WRITTEN_AS)) as copy:
             of_states = _drop_damaged(copy["entry"], damaged)
         lines.append(
             f"damaged frames left out: {len(damaged)}, of state {', '.join(map(str, of_states))} (counted from 0); "

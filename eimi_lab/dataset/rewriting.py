@@ -13,6 +13,7 @@ import h5py
 from eimi_lab.dataset.layout import WRITTEN_AS
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.replacing import patiently
 
 HEADERS_BYTES = 1 << 14
 """Bytes that are reserved for the structures that HDF5 adds to a file."""
@@ -43,7 +44,7 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
         shutil.copyfile(path, copy)
         _make_room(copy, path.stat().st_size + content_bytes + HEADERS_BYTES)
         try:
-            file = h5py.File(copy, "r+", libver=WRITTEN_AS)
+            file = patiently(lambda: h5py.File(copy, "r+", libver=WRITTEN_AS))
         except OSError as error:
             raise InputError(
                 f"{path}: is still being written, or its writer crashed; wait for the end of the run, or make a copy "
@@ -59,5 +60,5 @@ def _make_room(file: Path, size: int) -> None:
     On an operating system that cannot reserve space, the file is not changed.
     """
     if hasattr(os, "posix_fallocate"):
-        with file.open("r+b") as opened:
+        with patiently(lambda: file.open("r+b")) as opened:
             os.posix_fallocate(opened.fileno(), 0, size)

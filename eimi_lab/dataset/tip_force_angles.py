@@ -12,6 +12,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_lab.process.replacing import patiently
+
 NAME = "tip_force_angle"
 
 
@@ -22,7 +24,7 @@ def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> No
     None means the direction of gravity. If every angle is None, the file is not changed.
     """
     if any(angle is not None for angle in angles_deg):
-        with h5py.File(path, "r+") as file:
+        with patiently(lambda: h5py.File(path, "r+")) as file:
             write_tip_force_angles(file["entry/states"], angles_deg)
 
 

@@ -60,6 +60,7 @@ from eimi_lab.dataset.steps import (
 from eimi_lab.dataset.storage_failure import StorageFailed
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.replacing import patiently, remove
 from eimi_lab.process.writer_lock import WriterLock
 from eimi_lab.vision.check import Flag
 
@@ -163,7 +164,8 @@ class DatasetWriter:
     def _attach(self, path: Path, lock: WriterLock) -> None:
         self.path, self._lock = path, lock
         try:
-            self._file = h5py.File(h5f.open(os.fsencode(path), h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE, _access()))
+            flags = h5f.ACC_RDWR | h5f.ACC_SWMR_WRITE
+            self._file = h5py.File(patiently(lambda: h5f.open(os.fsencode(path), flags, _access())))
         except OSError as error:
             raise InputError(
                 f"{path}: cannot be opened for writing ({error}); close every other program that has it open, or make "
@@ -212,7 +214,7 @@ class DatasetWriter:
                 self._file.close()
         self._abandoned = True
         if not self._stored and not taken_away:
-            self.path.unlink()
+            remove(self.path)
         self._lock.release()
 
     @property
@@ -235,7 +237,7 @@ class DatasetWriter:
         taken_away = fate_of(self.path, self._descriptor)
         self._close()
         if not self._stored and not taken_away:
-            self.path.unlink()
+            remove(self.path)
         self._lock.release()
 
     def _close(self) -> None:

@@ -30,6 +30,7 @@ from eimi_lab.fits.options import FitOptions
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
+from eimi_lab.process.replacing import patiently
 from eimi_lab.process.writer_lock import WriterLock
 
 _SAME = 1e-6  # relative difference up to which a replayed generation is the logged one
@@ -242,7 +243,7 @@ def _append(path: Path, line: Record, fresh: bool = False) -> None:
     line, so that an incomplete last line of the file does not damage the new line.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
-    descriptor = os.open(path, flags, 0o666)
+    descriptor = patiently(lambda: os.open(path, flags, 0o666))
     try:
         os.write(descriptor, ("" if fresh else "\n").encode() + line.model_dump_json().encode())
         os.fsync(descriptor)

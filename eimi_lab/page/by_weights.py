@@ -24,6 +24,7 @@ from eimi_lab.page.eye import edges_in
 from eimi_lab.page.stored_runs import jpeg
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing, write_file
+from eimi_lab.process.replacing import remove
 from eimi_lab.process.replacing import replace as move
 from eimi_lab.showing.tables import csv_text
 from eimi_lab.vision.beam_frame import BeamFrame
@@ -159,7 +160,7 @@ def accepted(received: Path, target: Path) -> dict[str, Any]:
         words = str(error).removeprefix(f"{received}: ")
         raise InputError(f"{target.name}: {words}") from error
     finally:
-        received.unlink(missing_ok=True)
+        remove(received)
     return {"picture": target.name, "size_px": [width, height]}
 
 

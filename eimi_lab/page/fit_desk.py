@@ -26,6 +26,7 @@ from eimi_lab.page.tabs import Tabs
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.detached import detached
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.replacing import remove
 
 LOOK_EVERY_S = 0.4
 MOST_GENERATIONS = 400
@@ -140,9 +141,9 @@ class FitDesk:
         log = dataset.with_suffix(LOG)
         done = False
         try:
-            log.unlink(missing_ok=True)
+            remove(log)
             done = await self._fit_and_report(dataset, log, fitting)
-            log.unlink(missing_ok=True)
+            remove(log)
         except OSError as error:
             fitting.last_words = " ".join(str(error).split())
         finally:

@@ -20,6 +20,7 @@ from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.tabs import Tabs, body_of, table_of
 from eimi_lab.page.worker import Worker
 from eimi_lab.process.errors import InputError
+from eimi_lab.process.replacing import remove
 from eimi_lab.vision.image_files import ENDINGS
 
 LONGEST_NAME = 120
@@ -76,7 +77,7 @@ class PhoneDesk:
                     file.write(part)
             return JSONResponse(await self._worker.do(by_weights.accepted, received, target))
         finally:
-            received.unlink(missing_ok=True)
+            remove(received)
 
     async def _edges(self, request: Request) -> Response:
         body = await body_of(request)

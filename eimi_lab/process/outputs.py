@@ -8,6 +8,7 @@ writer at a time.
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from pathlib import Path
 
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.paths import followed
-from eimi_lab.process.replacing import remove, replace
+from eimi_lab.process.replacing import patiently, remove, replace
 from eimi_lab.process.writer_lock import only_writer
 
 
@@ -66,9 +67,9 @@ def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
 
 @contextmanager
 def whole_file(path: Path, force: bool) -> Iterator[Path]:
-    """Yield the path of a temporary file that replaces ``path`` when the context ends without an error.
+    """Yield the path of a new temporary file that replaces ``path`` when the context ends without an error.
 
-    On any error the temporary file is removed, and ``path`` is unchanged.
+    Create the temporary file within the context. On any error the temporary file is removed, and ``path`` is unchanged.
 
     Parameters
     ----------
@@ -88,24 +89,16 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
     with only_writer(path):
         refuse_existing(path, force)  # checked again, because another writer may have created the file
         file = followed(path)
-        try:
-            descriptor, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
-        except OSError as error:  # for example on a file system that is mounted read-only
-            raise InputError(
-                f"{path}: no file can be created in the folder {file.parent} ({error.strerror})"
-            ) from error
-        os.close(descriptor)
-        temporary = Path(name)
+        temporary = file.with_name(f".{file.name}.{secrets.token_hex(4)}")
+        names = (None, str(temporary), temporary)
         try:
             yield temporary
-            with temporary.open("r+b") as written:  # Windows synchronises only a file that is open for writing
+            # Windows synchronises only a file that is open for writing.
+            with patiently(lambda: temporary.open("r+b")) as written:
                 os.fsync(written.fileno())
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)
             replace(temporary, file)
         except OSError as error:  # on a full disk, the error names no file or the temporary one
-            if error.errno is not None and (error.filename is None or name in (error.filename, error.filename2)):
+            if error.errno is not None and (error.filename in names or error.filename2 == str(temporary)):
                 raise OSError(error.errno, error.strerror, str(path)) from error
             raise
         finally:
@@ -184,7 +177,7 @@ def _put(file: Path, path: Path) -> None:
         return
     with whole_file(path, force=True) as temporary:
         shutil.copyfile(file, temporary)
-    file.unlink()
+    remove(file)
 
 
 def write_whole(file: Path, content: bytes) -> None:

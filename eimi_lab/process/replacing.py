@@ -1,22 +1,26 @@
-"""Replace and remove files that another program may have open.
+"""Replace, remove and open files that another program may have open.
 
-On Windows, a file that a program has open can be neither replaced nor removed. A virus scanner, an indexer or a
-synchronised folder opens every new file for a moment. A spreadsheet program has a file open as long as it shows the
-file.
+On Windows, a file that a program has open can be neither replaced nor removed, and some programs do not let another
+program open the same file. A virus scanner, an indexer or a synchronised folder opens every new file for a moment. A
+spreadsheet program has a file open as long as it shows the file.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 TRY_FOR_S = 5.0
 TRY_AGAIN_AFTER_S = 0.05
 _IN_USE = (5, 32, 33)
 """ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION (Microsoft, winerror.h)."""
+
+AnyResult = TypeVar("AnyResult")
 
 
 def replace(file: Path, path: Path) -> None:
@@ -30,7 +34,7 @@ def replace(file: Path, path: Path) -> None:
         If the file cannot be moved. If another program has a file open, the message names the file and says what to do.
     """
     try:
-        _patiently(lambda: os.replace(file, path))
+        patiently(lambda: os.replace(file, path))
     except PermissionError as error:
         if not _in_use(error):
             raise
@@ -46,13 +50,22 @@ def remove(file: Path) -> None:
     If another program has the file open, the function tries for `TRY_FOR_S` and then leaves the file without an error.
     """
     try:
-        _patiently(lambda: file.unlink(missing_ok=True))
+        patiently(lambda: file.unlink(missing_ok=True))
     except PermissionError as error:
         if not _in_use(error):
             raise
 
 
-def _patiently(act: Callable[[], None]) -> None:
+def patiently(act: Callable[[], AnyResult]) -> AnyResult:
+    """Call a function that opens, replaces or removes a file, and return its result.
+
+    On Windows, the call is repeated for `TRY_FOR_S` while another program does not let this program use the file.
+
+    Raises
+    ------
+    OSError
+        If ``act`` raises this error. On Windows, a PermissionError is raised only after `TRY_FOR_S`.
+    """
     until = time.monotonic() + TRY_FOR_S
     while True:
         try:
@@ -64,4 +77,8 @@ def _patiently(act: Callable[[], None]) -> None:
 
 
 def _in_use(error: PermissionError) -> bool:
-    return sys.platform == "win32" and getattr(error, "winerror", None) in _IN_USE
+    if sys.platform != "win32":
+        return False
+    # The functions of C that open a file for Python and HDF5 report every one of these errors as EACCES.
+    number = getattr(error, "winerror", None)
+    return error.errno == errno.EACCES if number is None else number in _IN_USE

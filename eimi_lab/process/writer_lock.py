@@ -24,6 +24,7 @@ from filelock import lock_descriptor, unlock_descriptor
 
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.paths import followed
+from eimi_lab.process.replacing import patiently
 
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
@@ -150,7 +151,7 @@ def _take(file: Path, path: Path) -> int | None:
     """
     while True:
         try:
-            descriptor = os.open(file, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o666)
+            descriptor = patiently(lambda: os.open(file, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o666))
         except OSError as error:
             if file.is_symlink():
                 raise InputError(f"{file}: is a link, but should be a lock file; remove the link") from error

@@ -10,6 +10,7 @@ from typing import Any
 
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import new_folder, write_file
+from eimi_lab.process.replacing import patiently
 
 _HEAD = "study"
 
@@ -51,7 +52,7 @@ class StoredParts:
         new_folder(output, force)
         parts.folder.mkdir(exist_ok=True)
         for file in parts.folder.glob("*.json"):
-            file.unlink()
+            patiently(file.unlink)
         parts._write(_HEAD, head)
         return parts
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from eimi_drivers.cameras.image_series import natural_key
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.limits import refuse_unpacked
+from eimi_lab.process.replacing import patiently
 from eimi_lab.process.stderr import library_words
 from eimi_lab.vision.heic import kind_of, read_heic
 from eimi_lab.vision.image_sizes import MOST_PIXELS, claimed_size, is_stack, may_be_transparent
@@ -64,9 +65,9 @@ def read_image(path: Path) -> NDArray[Any]:
         If the file cannot be read, is incomplete, has transparent pixels, holds several pictures, or is too large.
     """
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):  # reading might wait for ever
-            raise InputError(f"{path}: is a device or a pipe, not a file")
-        raw = path.read_bytes()
+        if path.exists() and not path.is_file():  # reading might wait for ever
+            raise InputError(f"{path}: is a folder, a device or a pipe, not a file")
+        raw = patiently(path.read_bytes)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not raw:

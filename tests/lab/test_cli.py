@@ -77,7 +77,7 @@ ACQUIRE = ("acquire", "protocol.toml", "--specimen", "specimen.toml", "--rig")
         (("recover", "precious.h5", "-o", "x.h5"), "precious.h5: is not an HDF5 file"),
         (("recover", "points.h5", "-o", "precious.h5"), "precious.h5: exists already"),
         (("report", "points.h5", "-o", "pipe", "--force"), "pipe: is a device or a pipe"),
-        (("validate", "points.h5", "--fit", "pipe", "-o", "x"), "pipe: is a device or a pipe, not a file"),
+        (("validate", "points.h5", "--fit", "pipe", "-o", "x"), "pipe: is a folder, a device or a pipe, not a file"),
         (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "precious.h5: line 1: is not JSON (Expecting"),
         (("validate", "points.h5", "--fit", "precious.h5", "-o", "x"), "expected a file that `eimi fit` or `eimi tens"),
     ],

@@ -271,7 +271,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
         "frame_10.png: is not an image",
     ),
     "other size": (shrink, "frame_10.png: is 100 x 96 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits"),
-    "image a pipe": (pipe, "frame_10.png: is a device or a pipe, not a file"),
+    "image a pipe": (pipe, "frame_10.png: is a folder, a device or a pipe, not a file"),
     "empty folder": (empty, "frames: holds no images"),
     "wrong scale": (
         rewrite("specimen.toml", "length_mm = 10.0", "length_mm = 50.0"),

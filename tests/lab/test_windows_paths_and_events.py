@@ -1,10 +1,12 @@
-"""Paths and console events of Windows are handled, as far as this can be tested on any system."""
+"""Paths, files in use and console events of Windows are handled, as far as this can be tested on any system."""
 
 from __future__ import annotations
 
+import errno
+
 import pytest
 
-from eimi_lab.process import console
+from eimi_lab.process import console, replacing
 from eimi_lab.process.paths import LONGEST_PLAIN, with_prefix
 
 DEEP = "\\folder" * 40
@@ -40,3 +42,36 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
     monkeypatch.setattr(console.time, "sleep", lambda seconds: done.append(f"waits {seconds:g} s"))
     assert console.handled(event, lambda: done.append("acts")) == int(acts)
     assert done == (["acts", f"waits {console.HELD_S:g} s"] if acts else [])
+
+
+@pytest.mark.parametrize("number", [None, 5, 32, 33])
+def test_a_file_that_another_program_of_windows_holds_for_a_moment_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, number: int | None
+) -> None:
+    """Number 5 is ERROR_ACCESS_DENIED, 32 a sharing violation, 33 a lock; the functions of C report no number."""
+    monkeypatch.setattr(replacing.sys, "platform", "win32")
+    errors = [held(number), held(number)]
+    assert replacing.patiently(lambda: raise_first(errors)) == "opened"
+
+
+@pytest.mark.parametrize(("system", "number"), [("win32", 112), ("linux", 32)])
+def test_any_other_error_of_a_file_is_raised_at_once(monkeypatch: pytest.MonkeyPatch, system: str, number: int) -> None:
+    monkeypatch.setattr(replacing.sys, "platform", system)
+    errors = [held(number), held(number)]
+    with pytest.raises(PermissionError):
+        replacing.patiently(lambda: raise_first(errors))
+    assert len(errors) == 1
+
+
+def held(number: int | None) -> PermissionError:
+    """Return the error about a file that another program holds. The operating system may give a number, as Windows."""
+    error = PermissionError(errno.EACCES, "Permission denied")
+    error.winerror = number  # type: ignore[attr-defined]
+    return error
+
+
+def raise_first(errors: list[PermissionError]) -> str:
+    """Take the first error from the list and raise it; return "opened" if no error is left."""
+    if errors:
+        raise errors.pop(0)
+    return "opened"

@@ -51,6 +51,18 @@ def open_visa(address: str, baud_rate: int = 9600, stop_bits: int = 1) -> Transp
     return VisaTransport(address)
 
 
+def load_visa(address: str) -> None:
+    """Load the VISA library that `open_visa` needs for this address, which can take seconds. Nothing is opened.
+
+    No error is raised: if the library cannot be loaded, `open_visa` raises the error.
+    """
+    if not is_serial_port(address) or visa_library() != "@py":
+        with suppress(Exception):  # a VISA library can raise any exception
+            import pyvisa
+
+            pyvisa.ResourceManager(visa_library())
+
+
 class VisaTransport:
     """A line to an instrument that PyVISA opens as a VISA resource.
 

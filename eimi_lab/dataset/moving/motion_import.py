@@ -15,6 +15,7 @@ from eimi_lab.dataset.moving.stored_motions import write_motions
 from eimi_lab.dataset.points import write_points
 from eimi_lab.dataset.rewriting import rewritten
 from eimi_lab.process.outputs import whole_file
+from eimi_lab.process.replacing import patiently
 from eimi_lab.vision.beam_frame import BeamFrame
 
 
@@ -57,7 +58,7 @@ def write_motion_dataset(
     with whole_file(path, force) as temporary:
         header = Header(specimen=specimen, calibration=calibration)
         write_points(temporary, header, gravity_angle_deg or 0.0, [], [], gravity)
-        with h5py.File(temporary, "r+", libver=WRITTEN_AS) as file:
+        with patiently(lambda: h5py.File(temporary, "r+", libver=WRITTEN_AS)) as file:
             write_motions(file["entry"], motions[0].kind, motions, specimen.specimen.length_mm)
 
 
