@@ -127,7 +127,8 @@ def main() -> None:
 def _status() -> int:
     """Run the command, and return the exit status. A failure is written to standard error in one line."""
     try:
-        return app(sys.argv[1:] or ["--help"], standalone_mode=False) or 0
+        # None is sys.argv, in which typer replaces patterns such as *.h5 on Windows, whose shells do not.
+        return app(None if sys.argv[1:] else ["--help"], standalone_mode=False) or 0
     except InputError as error:
         return _tell(str(error), 2)
     except (KeyboardInterrupt, typer.Abort):

@@ -143,7 +143,8 @@ def obey_processor_limit(within_s: str) -> None:
 def _lower(name: str, most: int) -> None:
     """Lower the soft limit ``name`` of this process, such as "RLIMIT_CPU" in setrlimit(2), to ``most``.
 
-    A limit that is already lower is kept. On Windows, which has no such limits, the function does nothing.
+    A limit that is already lower is kept. The function does nothing on Windows, which has no such limits, and if the
+    system refuses the limit, as macOS refuses a limit of the address space (python/cpython issue 78783).
     """
     if sys.platform != "win32":
         import resource
@@ -151,7 +152,8 @@ def _lower(name: str, most: int) -> None:
         which: int = getattr(resource, name)
         soft, hard = resource.getrlimit(which)
         limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
-        resource.setrlimit(which, (min(limits), hard))
+        with suppress(ValueError):
+            resource.setrlimit(which, (min(limits), hard))
 
 
 def _linux() -> int:

@@ -122,6 +122,17 @@ def test_the_free_memory_comes_from_the_system_or_is_assumed(monkeypatch: pytest
     assert limits.free_memory_bytes() <= limits.ASSUMED_FREE_BYTES
 
 
+def test_a_limit_of_memory_that_the_system_refuses_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A limit of the address space raises this error on macOS (python/cpython issue 78783)."""
+    resource = pytest.importorskip("resource", reason="Windows has no limits of this kind")
+
+    def refuse(which: int, limit: tuple[int, int]) -> None:
+        raise ValueError("current limit exceeds maximum limit")
+
+    monkeypatch.setattr(resource, "setrlimit", refuse)
+    limits.limit_memory(1 << 40)
+
+
 def test_a_slow_recovery_does_not_report_the_file_as_damaged(
     dataset: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

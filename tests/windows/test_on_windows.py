@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,10 @@ pytestmark = pytest.mark.skipif(sys.platform != "win32", reason="needs Windows; 
 
 EIMI = (sys.executable, "-X", "utf8=0", "-m", "eimi_lab")
 """The command that runs the program without UTF-8 as the encoding of the locale."""
+
+GENERIC_READ, FILE_SHARE_READ, OPEN_EXISTING = 0x80000000, 1, 3
+"""Access, sharing and way of opening for CreateFileW (Microsoft, winnt.h and fileapi.h)."""
+INVALID_HANDLE = ctypes.c_void_p(-1).value
 
 
 def eimi(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -63,11 +68,45 @@ def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]
         process.communicate()
 
 
-def test_the_whole_chain_runs_in_a_folder_with_an_umlaut(tmp_path: Path) -> None:
+@contextmanager
+def indexed(folder: Path) -> Iterator[set[tuple[str, int]]]:
+    """Hold every new or changed file below a folder open for 0.2 s, as an indexer or a virus scanner may do.
+
+    No other program can write to, move or remove a file meanwhile. Yields the paths and times of change of the files.
+    """
+    kernel = ctypes.WinDLL("kernel32")
+    kernel.CreateFileW.restype = ctypes.c_void_p
+    held: set[tuple[str, int]] = set()
+    ended = threading.Event()
+
+    def index() -> None:
+        while not ended.wait(0.005):
+            for path in folder.rglob("*"):
+                with suppress(OSError):
+                    mark = (str(path), path.stat().st_mtime_ns)
+                    if mark in held or path.is_dir():
+                        continue
+                    handle = kernel.CreateFileW(str(path), GENERIC_READ, FILE_SHARE_READ, None, OPEN_EXISTING, 0, None)
+                    if handle != INVALID_HANDLE:
+                        held.add(mark)
+                        threading.Timer(0.2, kernel.CloseHandle, [ctypes.c_void_p(handle)]).start()
+
+    thread = threading.Thread(target=index)
+    thread.start()
+    try:
+        yield held
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_the_whole_chain_runs_in_a_folder_with_an_umlaut_while_an_indexer_opens_every_file(tmp_path: Path) -> None:
     folder = tmp_path / "Prüfstand µ"
     folder.mkdir()
-    done = eimi(folder, "demo", "--quick")
+    with indexed(folder) as held:
+        done = eimi(folder, "demo", "--quick")
     assert done.returncode == 0, done.stderr
+    assert len(held) >= 3
     assert "initial shear modulus 46384 Pa" in done.stdout
     assert "µm" in done.stdout
     assert sorted(path.name for path in (folder / "eimi-demo").iterdir()) == ["dataset.h5", "fits.json", "report.html"]
@@ -177,6 +216,15 @@ def test_an_emulated_supply_without_a_tcp_port_is_refused_in_one_line(tmp_path: 
     done = eimi(tmp_path, "emulate", "korad")
     assert done.returncode == 1
     assert done.stderr == "eimi: Windows has no pseudo-terminals; serve on a TCP port: `eimi emulate SUPPLY --tcp 0`\n"
+
+
+def test_a_pattern_stands_for_the_files_that_match_it(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    for day in ("monday", "tuesday"):
+        (tmp_path / "runs" / f"{day}.h5").write_text("no dataset")
+    done = eimi(tmp_path, "report", "runs/*.h5", "-o", "report.html")
+    assert done.returncode == 2
+    assert "monday.h5: is not an HDF5 file" in done.stderr
 
 
 def test_files_in_a_folder_with_a_long_path_are_written_locked_and_read(tmp_path: Path) -> None:
