@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +19,7 @@ from eimi_drivers.supplies.address import is_serial_port, serial_port, split_add
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.transport import InProcessTransport, SerialTransport
 from eimi_drivers.supplies.visa import VisaTransport, open_visa
+from tests.patience import PATIENCE_S
 
 
 class Port:
@@ -423,3 +426,24 @@ def test_an_interrupted_message_is_not_sent_and_reading_is_not_interrupted() -> 
         interruptible.write(b"b")
     assert line.sent == [b"a"]
     interruptible.close()
+
+
+OPENED_LATER = """
+import sys
+from eimi_drivers.clock import WallClock
+from eimi_drivers.emulators.serve import emulate, serve_tcp
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.supplies.visa import load_visa, open_visa
+
+with serve_tcp(emulate("scpi", CoilSupply(WallClock()))) as address:
+    load_visa(address)
+    before = set(sys.modules)
+    open_visa(address).close()
+print([name for name in set(sys.modules) - before if name.startswith(("pyvisa", "serial", "zeroconf"))])
+"""
+
+
+def test_a_loaded_visa_library_imports_nothing_when_a_resource_is_opened() -> None:
+    """The guardian process, which may have to open a supply in haste, loads the library while it waits."""
+    done = subprocess.run([sys.executable, "-c", OPENED_LATER], capture_output=True, timeout=PATIENCE_S, check=True)
+    assert done.stdout.strip() == b"[]"
