@@ -266,7 +266,8 @@ def simulate(
 ) -> Result:
     """Simulate a specimen with a known law.
 
-    The folder contains the shapes, the tip curve and the stretches as CSV files, a figure, and VTU files for ParaView.
+    The output folder contains the shapes, the tip curve and the stretches as CSV files, a figure, and VTU files for
+    ParaView.
     """
     from eimi_lab.face.using import simulate as simulate_beam
 
