@@ -27,6 +27,7 @@ from eimi_fitting.inference.interval.considered import steps_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import draw_parameters, interval_95, normal_draws, rounded, thinned
+from eimi_fitting.inference.interval.estimate import _ends
 from eimi_fitting.inference.interval.identifiability import Direction, directions, held_by_bounds, is_open, statement
 from eimi_fitting.inference.interval.profile_likelihood import _End, moved_to
 from eimi_fitting.inference.searching import modulus_range
@@ -614,6 +615,74 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
     expected = about.score - about.law_prior_slopes @ about.law_priors
     # Doubled residuals have half the weight, so that the score of the states is the same.
     np.testing.assert_allclose(about.score_of(candidates), [expected, expected])
+
+
+@pytest.fixture
+def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
+    """The deviance of a profile likelihood with residuals that are linear in two unknowns, and its linearisation.
+
+    The bounds of the search and the law have priors. A candidate with the first unknown above 0.9 is not valid.
+    """
+    rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
+    start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
+
+    def evaluated(units: np.ndarray, points: float, near: object = None) -> Evaluation:
+        residuals = start + np.einsum("pi,ikgn->pkgn", units - unit, slopes)
+        error = np.sqrt((residuals**2).mean(axis=(2, 3)))
+        valid = units[:, 0] <= 0.9
+        objective = np.where(valid, error.mean(axis=1), DISCARDED_MM)
+        found: Any = SimpleNamespace(
+            objective_mm=objective, error_mm=error, misfits=(SimpleNamespace(residuals=residuals, error_mm=error),)
+        )
+        none, law_priors = np.zeros((len(units), 0)), -1.3 + (units - unit) @ np.array([[1.5], [0.4]])
+        return Evaluation(found, none, none, law_priors, points)
+
+    points = 9.0
+    error = evaluated(unit[None], points).comparison.error_mm[0]
+    states = LinearStates(
+        start, slopes, np.ones((2, 2, 3)), points / (2 * error.mean() * 6 * error), np.full(2, 6.0), error
+    )
+    about = replace(
+        evidence(),
+        states=(states,),
+        objective_mm=float(error.mean()),
+        likelihood_points=points,
+        curves=np.zeros(0),
+        curve_slopes=np.zeros((2, 0)),
+        priors=np.zeros(0),
+        prior=np.diag([0.5, 4.0]),
+    )
+    given: list[Any] = []
+    monkeypatch.setattr(
+        "eimi_fitting.inference.interval.estimate.interval_ends", lambda *arguments: given.extend(arguments)
+    )
+    problem: Any = SimpleNamespace(
+        evaluate=evaluated, unknowns=SimpleNamespace(searched=2, space=SimpleNamespace(has_bulk=False))
+    )
+    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(shapes=None)))
+    _ends(problem, about, optimum, np.ones(2), (0, 1))
+    return given[0], about
+
+
+@pytest.mark.parametrize("at", [(0.5, 0.4), (0.8, 0.1), (0.1, 0.9)])
+def test_the_score_of_a_profile_is_half_the_gradient_of_its_deviance(
+    deviance: tuple[Any, Linearisation], at: tuple[float, float]
+) -> None:
+    of, h = deviance[0], 1e-5
+    point = np.array(at)
+    (_, score), ends = of(point[None]), np.concatenate([point + h * np.eye(2), point - h * np.eye(2)])
+    values, _ = of(ends)
+    np.testing.assert_allclose(score[0], (values[:2] - values[2:]) / (4 * h), rtol=1e-5)
+
+
+def test_the_deviance_of_a_profile_is_zero_at_the_optimum_and_infinite_for_an_invalid_candidate(
+    deviance: tuple[Any, Linearisation],
+) -> None:
+    of, about = deviance
+    values, scores = of(np.array([about.unit, [0.95, 0.4]]))
+    assert values[0] == pytest.approx(0.0, abs=1e-9)
+    assert values[1] == np.inf
+    assert np.isfinite(scores).all()
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:

@@ -27,6 +27,7 @@ from eimi_fitting.inference.interval.budget import Moves, budget
 from eimi_fitting.inference.interval.considered import ConsideredSources, Steps, sources_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates, point_correlation
 from eimi_fitting.inference.interval.draws import draw_noise, interval_95, quantity
+from eimi_fitting.inference.interval.estimate import _widened
 from eimi_fitting.inference.interval.profile_likelihood import Ends
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.search_space import search_space
@@ -163,6 +164,24 @@ def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
     deviation = identifiability.noise_mm / np.sqrt(identifiability.noise_points * np.mean(slope_mm**2))
     low, high = fit.initial_shear_modulus.interval_95
     assert 0.5 * np.log(high / low) == pytest.approx(stats.t.ppf(0.975, 3) * deviation, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("states", "points", "freedom"), [(1, 40.0, 1), (2, 40.0, 3), (6, 5.5, 4.5), (6, 1.2, 1), (3, 40.0, 5)]
+)
+def test_the_degrees_of_freedom_are_those_of_the_points_or_of_the_edges(
+    states: int, points: float, freedom: float
+) -> None:
+    """E edges give E - 1 degrees of freedom, and N points with one unknown give N - 1. The smaller number counts."""
+    linear: Any = SimpleNamespace(residuals=np.zeros((states, 2, 9)))
+    about: Any = SimpleNamespace(states=(linear,), noise_points=points, unit=np.zeros(1))
+    observed = EdgeObservation(np.zeros((states, 2, 9, 2)), np.ones((states, 2, 9)))
+    problem: Any = SimpleNamespace(experiments=[SimpleNamespace(observed=observed)])
+    expected = stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
+    assert _widened(problem, about) == pytest.approx(expected, rel=1e-6)
+    tracked: Any = SimpleNamespace(observed=PointObservation(np.zeros((1, 2, 2)), np.zeros((1, 2, 2)), np.ones((1, 2))))
+    problem.experiments.append(tracked)
+    assert _widened(problem, about) == 1.0
 
 
 def shared(source: str, size: float) -> SharedUnknowns:

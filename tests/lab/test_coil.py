@@ -226,6 +226,17 @@ def test_the_current_may_lie_between_the_set_points_of_the_last_time(
     assert coil._is_right(measured_A) is is_right
 
 
+@pytest.mark.parametrize(
+    ("set_A", "measured_A", "is_right"), [(0.0, 0.05, True), (0.5, 0.55, False), (0.5, 0.515, True)]
+)
+def test_the_zero_error_of_a_meter_is_permitted_at_a_set_point_of_zero_only(
+    set_A: float, measured_A: float, is_right: bool
+) -> None:
+    supply = Supply()
+    supply.limits = Limits(2.0, 10.0, off_below_A=0.06)
+    assert coil_on(supply, asked_A=set_A)._is_right(measured_A) is is_right
+
+
 def test_a_current_above_the_limit_of_the_supply_is_wrong() -> None:
     supply = Supply()
     coil = coil_on(supply, asked_A=2.0)

@@ -42,6 +42,23 @@ def test_a_coil_is_calibrated_and_its_calibration_is_read_again(tmp_path: Path, 
     assert not after.field.is_uneven
 
 
+def test_thermometers_are_measured_at_rest_before_the_coil_is_heated(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_bench(tmp_path, SENSORS)
+    set_points_A: list[float] = []
+
+    def at_rest(self: object, coil: Any, stop_if_asked: Callable[[], None]) -> None:
+        stop_if_asked()
+        set_points_A.append(coil.asked_A)
+        assert coil.supply.output_on()
+
+    monkeypatch.setattr(coil_calibration.Sensing, "measure_at_rest", at_rest)
+    arguments = ("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", "--largest", 0.1)
+    status, message = run(*arguments)
+    assert (status, set_points_A) == (0, [0.0]), message
+
+
 def test_an_existing_calibration_is_kept(tmp_path: Path, run: Run) -> None:
     write_bench(tmp_path, SENSORS)
     file = tmp_path / "virtual_calibration.toml"

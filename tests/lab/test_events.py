@@ -353,13 +353,18 @@ def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
     assert f"eimi guardian: {in_words(off)}" in messages
 
 
-def test_lines_for_a_reader_that_has_ended_are_dropped_without_a_message() -> None:
+def test_lines_for_a_reader_that_has_ended_are_dropped_with_one_line_in_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     reads, writes = os.pipe()
     os.close(reads)
-    lines = EventLines(writes)
-    for _ in range(1000):
-        lines(PauseRequested())
-    lines.finish()
+    with caplog.at_level("INFO"):
+        lines = EventLines(writes)
+        for _ in range(1000):
+            lines(PauseRequested())
+        lines.finish()
+    (message,) = caplog.messages
+    assert message.startswith("the program that read the events has closed its pipe: [Errno 32]")
 
 
 def test_the_log_contains_messages_to_the_supply_the_guardian_and_events(bench: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from eimi_drivers.interfaces import Identity, InstrumentDisconnected
+from eimi_lab.acquisition.resuming import refuse_taken
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.config.toml import parse
@@ -117,3 +119,13 @@ def test_a_changed_comment_does_not_prevent_a_resumed_run(setup: Any) -> None:
     setup.protocol = parse(Protocol, "# by day\n" + setup.protocol.text, "p")
     setup.run(resume=True)
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("content", ["not a dataset", ""])
+def test_an_existing_file_is_replaced_only_on_request(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "run.h5"
+    refuse_taken(path, force=False)
+    path.write_text(content)
+    refuse_taken(path, force=True)
+    with pytest.raises(InputError, match="--force"):
+        refuse_taken(path, force=False)
