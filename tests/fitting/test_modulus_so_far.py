@@ -80,6 +80,9 @@ def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_no
     alone, after = modulus_so_far(uncertain), modulus_so_far(uncertain, first)
     assert np.ptp(alone.interval_95_Pa) > 1.2 * np.ptp(first.interval_95_Pa)
     assert (after.value_Pa, after.interval_95_Pa, after.states) == (first.value_Pa, first.interval_95_Pa, 2)
+    assert after.error_mm == pytest.approx(alone.error_mm, rel=0.02)  # the error of all states
+    quiet = replace(first, error_mm=0.5 * first.error_mm)  # more noise in one state says nothing about the interval
+    assert modulus_so_far(uncertain, quiet).states == 2
     wrong = replace(uncertain, loads=replace(uncertain.loads, field_T=uncertain.loads.field_T * [[1], [1], [1.1]]))
     assert modulus_so_far(wrong, first).states == 3
 

@@ -29,6 +29,7 @@ path           solution of a sequence of states, one after another or all at onc
 inertia        masses of the silicone and of the magnet
 transient      the motion of the beam in time, with inertia and with the internal variables of viscoelastic laws
 vibration      small vibrations about an equilibrium, and their complex frequencies
+twist          the twist by a magnet whose moment has a component normal to the plane
 outline        the edges that a camera sees
 view           the perspective of a camera
 """

@@ -26,7 +26,7 @@ from eimi_fitting.inference.evidence.corrections import (
     refinements,
     with_residuals_of,
 )
-from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.experiment import DISCARDED_MM, Comparison, Experiment
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.interval.covariance import independent_points
 from eimi_fitting.inference.interval.estimate import Estimate, estimate
@@ -44,6 +44,7 @@ _STAYS_PERCENT, _MOST_PASSES, _NOT_WORSE = 0.05, 3, 1.01
 # Smallest remaining error of the solid, in per cent of the modulus. Its mesh contributes at most 0.1 for the specimens
 # of `benchmarks.solid_mesh`; the tolerance of Newton's method and the interpolated states contribute the rest.
 _UNSURE_PERCENT = 0.15
+_TOWARD_MIDDLE = (0.25, 0.5, 0.75, 1.0)  # shares of the way to the middle of the bounds, for an unstable candidate
 _LOOSE = 1e-2  # share of the objective at which a polish stops before the corrections are computed
 
 
@@ -107,6 +108,8 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
         first = _polished(problem, unit, enough=_LOOSE)
+        if first.evaluation.objective_mm[0] >= DISCARDED_MM:
+            first = _polished(problem, _valid(problem, unit), enough=_LOOSE)
         problem, optimum, effects = _with_solids(problem, first)
         stretch = optimum.evaluation.comparison.max_stretch
     else:
@@ -124,6 +127,22 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
         noise.about.prior_distances(),
         noise.not_considered(problem),
     )
+
+
+def _valid(problem: Problem, unit: Array) -> Array:
+    """Return a candidate with a stable equilibrium in all states, near the unstable candidate ``unit`` (n,).
+
+    The stretches on the mesh of ``problem`` are larger than those on the coarse mesh of the search, and a law that
+    softens may be unstable there. The returned candidate has the same modulus, and its other coordinates are nearer to
+    the middle of their bounds. If none is stable, ``unit`` is returned.
+    """
+    toward = np.full(len(unit), 0.5)
+    toward[0] = unit[0]
+    for share in _TOWARD_MIDDLE:
+        trial = unit + share * (toward - unit)
+        if problem.evaluate(trial[None], 1.0).objective_mm[0] < DISCARDED_MM:
+            return np.asarray(trial)
+    return unit
 
 
 def _polished(

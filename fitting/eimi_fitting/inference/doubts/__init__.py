@@ -6,5 +6,6 @@ collinear_causes      classes of causes that the residuals do not distinguish
 edge_coefficients     the description of the residuals by a few coefficients along each edge
 marginal_likelihood   the evidence (probability density of the data) of linear Gaussian models
 signatures            the change of the residuals by each possible cause
+twisted_picture       the edges of a beam that its magnet has twisted
 possible_causes       the possible errors of a bench, each with the measurement that decides about it
 """

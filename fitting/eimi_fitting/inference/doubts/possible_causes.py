@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.rest_modes import WAIST, with_modes
+from eimi_fitting.inference.doubts.twisted_picture import without_twist
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_fitting.inference.evidence.sources import SOURCES
@@ -116,8 +117,8 @@ class PossibleCause:
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of inputs to the assumptions of a fit, in proportion to amplitudes.
 
-    Each of ``parts`` belongs to one amplitude. The part maps (source, index) to
-    the deviation for an amplitude of 1. The index counts the parts of the source.
+    Each of ``parts`` belongs to one amplitude, and maps (source, index of a part of the source) to the deviation for an
+    amplitude of 1.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -244,6 +245,12 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
     model = assumed.experiment.model
     waisted = with_modes(model.specimen, (), (0.0, float(amplitudes[1]) / WAIST))
     return replace(assumed, experiment=replace(assumed.experiment, model=model.of(waisted)))
+
+
+def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Return the assumptions of a fit with the edges without a twist by a moment out of the plane (angle in deg)."""
+    law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
+    return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
 
 
 def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
@@ -382,6 +389,14 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
     ),
     _of_source("width", "width", (0.05,), "the width at several places"),
     _of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
+    PossibleCause(
+        "magnetisation_out_of_plane",
+        "twist by a magnetisation out of the plane of the picture",
+        "deg",
+        (3.0,),
+        _untwisted,
+        "a picture of the tip along the beam",
+    ),
     _of_source(
         "moment",
         "moment",
@@ -417,13 +432,7 @@ POSSIBLE_CAUSES: tuple[PossibleCause, ...] = (
         "the same currents with increasing and with decreasing steps",
     ),
     PossibleCause(
-        "section",
-        "planar section of a solid beam",
-        "1",
-        (1.0,),
-        None,
-        'a fit with section = "solid"',
-        is_common=True,
+        "section", "planar section of a solid beam", "1", (1.0,), None, 'a fit with section = "solid"', is_common=True
     ),
     PossibleCause(
         "law",

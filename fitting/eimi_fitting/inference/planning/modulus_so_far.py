@@ -13,9 +13,10 @@ that the remaining error does not grow during the run. If the depth effect canno
 planar model is divided by 1 + bias instead.
 
 A further state can widen the interval, because some stated uncertainties have a larger effect on the modulus in a
-larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the error has grown by
-at most a quarter, and the earlier interval contains the estimate from all states. The width of an interval depends on
-the loads and hardly on the data, so that the choice of the narrower interval keeps its probability of 95 %.
+larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the residuals of all
+states, counted as noise, would widen the earlier interval by at most 5 %, and the earlier interval contains the
+estimate from all states. The width of an interval depends on the loads and hardly on the data, so that the choice of
+the narrower interval keeps its probability of 95 %.
 """
 
 from __future__ import annotations
@@ -55,7 +56,6 @@ _MOST_SOLVED = 7  # states of the solid through which the depth effect is interp
 _CARRIED = 0.02  # relative change of the modulus up to which the depth effect is carried on
 _LEAST_PERCENT = 0.15  # smallest remaining error of the solid, in per cent of the modulus
 _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may widen a later one
-_NOISE_GROWS = 1.25  # factor on the residuals up to which an earlier estimate is kept
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class ModulusSoFar:
         Lower and upper end of the 95 % interval of the modulus in Pa, due to noise, stated uncertainties and the
         remaining error of the beam model.
     error_mm : float
-        Mean over the states of the root mean square residual, in mm.
+        Mean over all measured states of the root mean square residual, in mm.
     states : int
         Number of states that the estimate uses.
     limited_by : str
@@ -92,6 +92,8 @@ class ModulusSoFar:
         Unit coordinate of the optimum between the bounds, from 0 to 1. The next estimate starts at this coordinate.
     narrowest_Pa : float
         Width of the narrowest interval so far, in Pa.
+    noise_Pa : float
+        Width of the 95 % interval of the modulus in Pa from noise and mesh error alone. All residuals count as noise.
     depth : object, optional
         Displacements of the three-dimensional model minus displacements of the planar model, for the next estimate.
         None unless the section is solid.
@@ -105,6 +107,7 @@ class ModulusSoFar:
     bounds_Pa: tuple[float, float]
     unit: Array
     narrowest_Pa: float
+    noise_Pa: float
     depth: _Depth | None = field(default=None, repr=False)
 
     @property
@@ -127,8 +130,8 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
     -------
     ModulusSoFar
         The estimate from all states, or the earlier estimate if its interval is narrower and still valid. The interval
-        is valid under two conditions: the error has grown by at most a quarter, and the interval contains the estimate
-        from all states.
+        is valid under two conditions: the residuals of all states, counted as noise, would widen the interval by at
+        most 5 %, and the interval contains the estimate from all states.
 
     Raises
     ------
@@ -138,12 +141,15 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
         If no candidate modulus has an equilibrium.
     """
     now = _estimated(experiment, before)
-    if before is None or now.error_mm > _NOISE_GROWS * before.error_mm:
+    if before is None:
         return now
-    low, high = before.interval_95_Pa
-    if now.width_Pa <= _WIDTH_GROWS * before.narrowest_Pa or not low <= now.value_Pa <= high:
+    (low, high), more_noise_Pa2 = before.interval_95_Pa, max(now.noise_Pa**2 - before.noise_Pa**2, 0.0)
+    is_valid = np.hypot(before.width_Pa, np.sqrt(more_noise_Pa2)) <= _WIDTH_GROWS * before.width_Pa
+    if not (is_valid and low <= now.value_Pa <= high):
+        return now
+    if now.width_Pa <= _WIDTH_GROWS * before.narrowest_Pa:
         return replace(now, narrowest_Pa=min(now.narrowest_Pa, before.narrowest_Pa))
-    return replace(before, bounds_Pa=now.bounds_Pa, unit=now.unit, depth=now.depth)
+    return replace(before, error_mm=now.error_mm, bounds_Pa=now.bounds_Pa, unit=now.unit, depth=now.depth)
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
@@ -168,6 +174,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
     fitted = estimate(problem, optimum, effects, _noise(problem, optimum), (), 1)
     modulus, first = fitted.initial_shear_modulus, fitted.measure_next
     low_Pa, high_Pa = (planar_share * end for end in modulus.interval_95)
+    of_noise_Pa = np.ptp(modulus.interval_95_fit or modulus.interval_95)
     return ModulusSoFar(
         value_Pa=planar_share * modulus.value,
         interval_95_Pa=(low_Pa, high_Pa),
@@ -177,6 +184,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
         bounds_Pa=bounds,
         unit=np.asarray(optimum.unit)[: problem.unknowns.searched],
         narrowest_Pa=high_Pa - low_Pa,
+        noise_Pa=planar_share * float(of_noise_Pa),
         depth=depth,
     )
 

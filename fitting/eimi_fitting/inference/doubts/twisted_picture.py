@@ -1,0 +1,96 @@
+"""Displace measured edges as if a magnet with a moment normal to the plane of the picture had twisted the beam."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.beam.twist import torsion_constant_mm4, twist_per_tilt, weight_beyond_kg
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+from eimi_fitting.laws.law import Law
+
+Array = NDArray[np.float64]
+
+_ACCURACY_MM = 1e-3
+
+
+def without_twist(
+    experiment: Experiment, bent: Experiment, law: Law, parameters: Array, angle_deg: float
+) -> Experiment:
+    """Return an experiment with the edges that a camera would see without the twist of the beam.
+
+    A section of width w and depth d that is turned by phi about the middle line has the apparent width w cos phi + d
+    |sin phi|. Both edges therefore move inward by half of the increase.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The experiment with the measured edges. It is returned unchanged if it has tracked points in place of edges, if
+        the specimen has no magnet, or if the model finds no equilibrium.
+    bent : Experiment
+        The experiment whose model and loads give the bent shape.
+    law : Law
+        The hyperelastic law.
+    parameters : ndarray, shape (1, n)
+        The n parameters of the law.
+    angle_deg : float
+        Angle of the magnetisation to the plane of the picture in degrees. A negative angle moves the edges in the
+        opposite direction.
+    """
+    magnet, specimen, observed = bent.model.specimen.magnet, bent.model.specimen, experiment.observed
+    if not isinstance(observed, EdgeObservation) or magnet is None or not angle_deg:
+        return experiment
+    shapes = bent.model.solve(law, parameters, bent.loads, tolerance_mm=_ACCURACY_MM)
+    if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+        return experiment
+    mesh, along_mm = bent.model.mesh, bent.model.grid.straight_mm[bent.model.mesh.row(0), 0]
+    flexible = along_mm <= specimen.flexible_length_mm + 1e-6
+    place = (mesh.nodes + shapes.displacement)[0]
+    middle = 0.5 * (place[:, mesh.row(0)] + place[:, mesh.row(-1)])[:, flexible]
+    modulus_Pa = float(law.initial_shear_modulus(parameters)[0])
+    width, depth = specimen.width_mm, specimen.depth_mm
+    twist_rad = np.radians(angle_deg) * twist_per_tilt(
+        middle,
+        *_moments_and_forces(middle, along_mm[flexible], bent, modulus_Pa),
+        magnet.moment_A_m2 * np.stack([-bent.loads.field_T[:, 1], bent.loads.field_T[:, 0]], axis=-1),
+        3e-12 * modulus_Pa * width * depth**3 / 12,
+        1e-12 * modulus_Pa * torsion_constant_mm4(width, depth),
+    )
+    wider_mm = 0.5 * (width * (np.cos(twist_rad) - 1) + np.copysign(depth * np.abs(np.sin(twist_rad)), angle_deg))
+    direction = np.gradient(middle, axis=1)
+    to_right = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+    to_right /= np.linalg.norm(to_right, axis=-1, keepdims=True)
+    # Each measured point moves as the nearest station of the middle line.
+    points = observed.points_mm
+    apart = ((points[:, :, :, None] - middle[:, None, None]) ** 2).sum(axis=-1)
+    nearest = apart.argmin(axis=-1)
+    state = np.arange(len(points))[:, None, None]
+    outward = np.array([-1.0, 1.0])[:, None, None] * to_right[state, nearest]
+    inner = points - wider_mm[state, nearest][..., None] * outward
+    return replace(experiment, observed=replace(observed, points_mm=inner))
+
+
+def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, modulus_Pa: float) -> tuple[Array, Array]:
+    """Return bending moments in N m (K, S - 1) and forces in N (K, S - 1, 2) between the S stations of a bent beam.
+
+    The moment is the curvature beyond the curvature at rest, times the bending stiffness in the plane. The force is
+    the weight of the part beyond and the tip force.
+    """
+    specimen = bent.model.specimen
+    rest = bent.model.mesh.nodes
+    first, last = bent.model.mesh.row(0), bent.model.mesh.row(-1)
+    at_rest = 0.5 * (rest[first] + rest[last])[: len(along_mm)]
+
+    def angle_rad(line_mm: Array) -> Array:
+        step = np.diff(line_mm, axis=-2)
+        return np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=-1)
+
+    between_mm = 0.5 * (along_mm[1:] + along_mm[:-1])
+    curvature_m = 1e3 * np.gradient(angle_rad(middle_mm) - angle_rad(at_rest), between_mm, axis=-1)
+    stiffness_N_m2 = 3e-12 * modulus_Pa * specimen.depth_mm * specimen.width_mm**3 / 12
+    weight = weight_beyond_kg(specimen, between_mm)[:, None] * bent.loads.gravity[:, None]
+    return stiffness_N_m2 * curvature_m, weight + bent.loads.tip_force_N[:, None]
