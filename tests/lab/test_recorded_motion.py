@@ -39,11 +39,16 @@ settle = { noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, timeout_s = 5.0 }
 
 
 @pytest.fixture
-def recorded(tmp_path: Path) -> Path:
-    """The path of a dataset of two states, each with a recording of creep, and of one ring-down."""
+def recorded(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """The path of a dataset of two states, each with a recording of creep, and of one ring-down.
+
+    With the parameter "colour", the frames are coloured, and the beam differs from its background most in red.
+    """
     film = Flick(seconds=0.4)
     images = list(film.frames())
     still = next(iter(Flick(seconds=1 / 120, amplitude_mm=0.0).frames()))
+    if getattr(request, "param", "grey") == "colour":
+        *images, still = (np.stack([grey // 3 + 100, grey // 2 + 90, grey], axis=-1) for grey in (*images, still))
     protocol = parse(Protocol, PROTOCOL, "protocol")
     specimen, calibration = (parse(type(of), to_toml(of), "file") for of in (STRIP, LEVEL))
     with DatasetWriter(tmp_path / "run.h5", Header(specimen, calibration, protocol), Frame(still, 0, 0.0)) as writer:
@@ -76,6 +81,7 @@ def recorded(tmp_path: Path) -> Path:
     return tmp_path / "run.h5"
 
 
+@pytest.mark.parametrize("recorded", ["grey", "colour"], indirect=True)
 def test_segment_computes_motions_from_the_recorded_frames(recorded: Path, run: Run) -> None:
     code, message = run("segment", recorded)
     assert code == 0, message

@@ -54,7 +54,9 @@ class Streamed:
 @contextmanager
 def streaming(width: int, height: int, rate_Hz: float) -> Iterator[TimedCamera]:
     """Yield the camera with a time limit for every call, as a run uses its camera; close the camera at the end."""
-    with closing(TimedCamera("memory", lambda: StreamingCamera(width, height, rate_Hz))) as camera:
+    started = StreamingCamera(width, height, rate_Hz)
+    with closing(TimedCamera("memory", lambda: started)) as camera:
+        started.wait_for_first_frame()
         yield camera
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.interfaces import Frame, Identity, InstrumentDisconnected, InstrumentTimeout
+from tests.patience import PATIENCE_S
 
 PRE_RENDERED = 24
 
@@ -76,6 +77,11 @@ class StreamingCamera:
         self._process = context.Process(target=_expose, args=arguments, daemon=True)
         self._process.start()
 
+    def wait_for_first_frame(self) -> None:
+        """Wait until the other process has started and sends frames."""
+        assert self._ready.acquire(timeout=PATIENCE_S)
+        self._ready.release()
+
     def identify(self) -> Identity:
         return Identity("streaming", "pre-rendered frames of another process", "memory")
 
@@ -101,7 +107,7 @@ class StreamingCamera:
     def close(self) -> None:
         if self._process.is_alive():
             self._counts[1] = 1
-            self._process.join(10.0)
+            self._process.join(2.0)
             self._process.kill()
             self._process.join()
             del self._ring, self._stamps
