@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import re
 import signal
 import sys
 import time
@@ -19,6 +18,7 @@ from pathlib import Path
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.interfaces import AnotherSupply, InstrumentError, Off, PowerSupply, SwitchOffFailed
+from eimi_drivers.supplies.address import pseudo_terminal
 from eimi_drivers.supplies.off import measured_off, off_limit_A, switch_off
 from eimi_drivers.supplies.supply_names import open_supply
 from eimi_drivers.supplies.transport import share_ports
@@ -190,8 +190,8 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
         else:
             on_event(off_confirmed(off, "guardian", takeover, killed, ward.address, remark))
             return
-        emulated = re.search(r"/dev/pts/\d+", ward.address)
-        if emulated and not Path(emulated[0]).exists():
+        emulated = pseudo_terminal(ward.address)
+        if emulated and not Path(emulated).exists():
             on_event(EmulatedSupplyGone(takeover=takeover, address=ward.address))
             return
         if takeover == STANDS_STILL and not killed and measured_A is None and run.runs():
@@ -327,7 +327,7 @@ def _is_one_of_a_kind(ward: Ward) -> bool:
     The identity is sufficient if it contains a serial number, or if the supply is on a pseudo-terminal. If the run has
     sent no identity, nothing is compared, and True is returned.
     """
-    return ward.identity is None or bool(ward.identity[1]) or "/dev/pts/" in ward.address
+    return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 
 
 def _stay() -> None:

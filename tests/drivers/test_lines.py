@@ -15,7 +15,7 @@ from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, InstrumentTimeout
 from eimi_drivers.sensors import SENSORS
 from eimi_drivers.supplies import SUPPLIES, transport
-from eimi_drivers.supplies.address import is_serial_port, serial_port, split_address
+from eimi_drivers.supplies.address import is_serial_port, pseudo_terminal, serial_port, split_address
 from eimi_drivers.supplies.interruptible import InterruptibleTransport
 from eimi_drivers.supplies.transport import InProcessTransport, SerialTransport
 from eimi_drivers.supplies.visa import VisaTransport, open_visa
@@ -447,3 +447,17 @@ def test_a_loaded_visa_library_imports_nothing_when_a_resource_is_opened() -> No
     """The guardian process, which may have to open a supply in haste, loads the library while it waits."""
     done = subprocess.run([sys.executable, "-c", OPENED_LATER], capture_output=True, timeout=PATIENCE_S, check=True)
     assert done.stdout.strip() == b"[]"
+
+
+@pytest.mark.parametrize(
+    ("address", "path"),
+    [
+        ("/dev/pts/3", "/dev/pts/3"),  # Linux
+        ("ASRL/dev/ttys012::INSTR", "/dev/ttys012"),  # macOS
+        ("/dev/ttyS0", ""),
+        ("/dev/tty.usbserial-10", ""),
+        ("COM12", ""),
+    ],
+)
+def test_pseudo_terminals_of_linux_and_macos_are_told_from_other_ports(address: str, path: str) -> None:
+    assert pseudo_terminal(address) == path

@@ -16,6 +16,7 @@ _VISA_SOCKET = re.compile(r"TCPIP\d*::([^:]+)::(\d+)::SOCKET", re.IGNORECASE)
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 SERIAL_URLS = ("socket://", "rfc2217://")
 """The permitted pyserial URLs. Other URLs can do harm: ``spy://`` overwrites the file in the URL."""
+_PSEUDO_TERMINAL = re.compile(r"/dev/(?:pts/|ttys)\d+")
 _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
@@ -28,6 +29,15 @@ def split_address(address: str) -> tuple[str, int | None]:
     return (match[1], int(match[2])) if match else (address, None)
 
 
+def pseudo_terminal(address: str) -> str:
+    """Return the path of the pseudo-terminal in an address, or an empty text if the address contains none.
+
+    Linux and macOS name pseudo-terminals differently. Only emulated supplies are on pseudo-terminals.
+    """
+    match = _PSEUDO_TERMINAL.search(address)
+    return match[0] if match else ""
+
+
 def usb_serial_number(address: str) -> str:
     """Return the serial number of the USB adapter or instrument to which a serial port belongs.
 
@@ -36,7 +46,7 @@ def usb_serial_number(address: str) -> str:
     """
     port = serial_port(address)
     name = os.path.realpath(port) if port.startswith("/") else port.upper()
-    if not name.startswith(("/", "COM")) or name.startswith("/dev/pts/"):
+    if not name.startswith(("/", "COM")) or pseudo_terminal(name):
         return ""
     try:
         devices = attached_ports()

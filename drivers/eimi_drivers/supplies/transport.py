@@ -21,7 +21,7 @@ except ImportError:  # Windows has no termios, and pyserial does not need this m
     termios = None  # type: ignore[assignment]
 
 from eimi_drivers.interfaces import Clock, InstrumentDisconnected, InstrumentError, InstrumentTimeout, raised
-from eimi_drivers.supplies.address import check_address, serial_port
+from eimi_drivers.supplies.address import check_address, pseudo_terminal, serial_port
 
 TerminalError: type[Exception] = getattr(termios, "error", OSError)
 _sharing = False
@@ -130,7 +130,7 @@ class SerialTransport:
     def _open(self) -> None:
         port = serial_port(self.address)
         # A pseudo-terminal carries whole bytes and refuses another number of bits.
-        is_terminal = os.path.realpath(port).startswith("/dev/pts/")
+        is_terminal = pseudo_terminal(os.path.realpath(port)) != ""
         with self._errors_named():
             check_address(self.address)
             self._port = serial.serial_for_url(
@@ -150,7 +150,7 @@ class SerialTransport:
         Returns True if the port is open again. Returns False for a pseudo-terminal, which is not reopened because its
         name may belong to another program.
         """
-        if "/dev/pts/" in self.address:
+        if pseudo_terminal(self.address):
             return False
         with suppress(InstrumentError):
             self.close()
