@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 
 from eimi_drivers.clock import WallClock
-from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
+from eimi_drivers.emulators.serve import DIALECTS, emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
@@ -239,11 +239,12 @@ def main() -> None:
     parser.add_argument(
         "--stream", type=float, default=0.0, help="minutes of live pictures, instead of measuring the delays"
     )
+    parser.add_argument("--all", action="store_true", help="measure every family of supplies that can be emulated")
     options = parser.parse_args()
     if options.stream:
         stream(options.stream)
         return
-    for driver in SUPPLIES:
+    for driver in DIALECTS if options.all else SUPPLIES:
         took, ages = stops(driver, options.runs)
         print(
             f"{driver}: STOP to off, {len(took)} runs: median {statistics.median(took):.3f} s, most {max(took):.3f} s"

@@ -50,6 +50,9 @@ _TAKEOVER: dict[Takeover, str] = {
     "run_could_not_switch_off": "the run could not switch the coil off",
 }
 
+CONTINUE_PAUSED = "Enter continues the run, Ctrl-C ends it"
+CONTINUE_ENDED = "the same command with --resume continues the run"
+"""What a person at a terminal can do while a run is paused, and after a run that ended before its last state."""
 
 _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, PageGone, Warned, FramesLost)
 
@@ -190,11 +193,11 @@ def _(event: Paused) -> str:
     if event.swap_leads:
         return (
             f"the next states reverse the current: the coil is off, swap its two leads at the supply before state "
-            f"{event.state}; Enter continues the run, Ctrl-C ends it"
+            f"{event.state}; {CONTINUE_PAUSED}"
         )
     return (
         f"paused before state {event.state}: the coil is off, and {event.state} of {event.states} states are in "
-        f"{event.dataset}; Enter continues the run, Ctrl-C ends it"
+        f"{event.dataset}; {CONTINUE_PAUSED}"
     )
 
 
@@ -294,10 +297,7 @@ def _(event: RunEnded) -> str:
         return "no state was stored, so there is no file"
     if event.stored == event.states:
         return f"all {event.states} states are in {event.dataset}"
-    return (
-        f"{event.stored} of {event.states} states are in {event.dataset}; the same command with --resume continues the "
-        "run"
-    )
+    return f"{event.stored} of {event.states} states are in {event.dataset}; {CONTINUE_ENDED}"
 
 
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:

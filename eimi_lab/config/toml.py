@@ -253,7 +253,8 @@ def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: st
     except ValidationError as error:
         for key, (name, kind) in _KINDS.items():
             if key in table and key not in model.model_fields and name != model.__name__:
-                raise InputError(f"{origin}: is {kind}, but a different kind of file is needed here") from error
+                needed = next((words for other, words in _KINDS.values() if other == model.__name__), "another file")
+                raise InputError(f"{origin}: is {kind}, but {needed} is needed here") from error
         raise InputError(f"{origin}: {_one_line(model, error)}") from error
     document._text = text
     return document
@@ -283,7 +284,8 @@ def _one_line(model: type[BaseModel], error: ValidationError) -> str:
         case "too_long":
             largest, actual = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
             shown = _shown(value) if len(value) <= LONGEST_SHOWN else "a list"
-            return f"{key} = {shown} should have at most {largest} values, not {actual}"
+            comma = "; decimals have a point, not a comma" if actual == 2 * largest else ""
+            return f"{key} = {shown} should have at most {largest} values, not {actual}{comma}"
         case "tuple_type":
             return f"{key} = {_shown(value)} should be a list in square brackets"
         case "missing":

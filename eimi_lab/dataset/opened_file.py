@@ -16,8 +16,8 @@ from eimi_lab.process.writer_lock import is_being_written
 _NOT_HDF5 = "is not an HDF5 file; `eimi import` makes a dataset from images or points"
 # Messages for files that a user may confuse with a dataset, by the ending of the name.
 _CONFUSED_WITH_DATASET = {
-    ".json": "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; give a fits.json with "
-    "--fit",
+    ".json": "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; a fits.json belongs "
+    "to --fit",
     ".toml": "is a TOML file, not a dataset; `eimi acquire` or `eimi import` makes a dataset",
     ".csv": "is a table; `eimi import` makes a dataset from a table and the pictures that it lists",
 }

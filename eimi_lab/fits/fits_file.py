@@ -134,7 +134,7 @@ def read_fits_file(path: str | Path) -> Fits:
     """Read fits.json. Raises InputError with the file and the key that is wrong."""
     path = Path(path)
     if is_dataset(path):
-        raise InputError(f"{path}: is a dataset, but --fit takes a fits.json; give the dataset without --fit")
+        raise InputError(f"{path}: is a dataset, but a fits.json is needed here; give a dataset without --fit")
     text = read_text(path)
     try:
         content = parse_json(text)

@@ -44,7 +44,9 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
         fit = fit_tensile(LAWS[model], test.strain, test.stress_Pa, largest_strain=largest, relative=relative)
     except CannotFit as error:
         window = "the whole curve" if window_percent is None else f"fit of the strains up to {window_percent:g} %"
-        raise InputError(f"{test.path}: {window}: {error}") from error
+        most = float(test.strain.max())
+        unit = f"; the strains reach {100 * most:g} %: name a column in per cent strain_percent" if most > 1 else ""
+        raise InputError(f"{test.path}: {window}: {error}{unit}") from error
     low, high = fit.initial_shear_modulus_interval_Pa
     used = test.stress_Pa[test.strain <= largest]
     return TensileRecord(

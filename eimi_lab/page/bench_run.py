@@ -9,13 +9,15 @@ ramp down. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is off
 separate process that switches the coil off if the run dies) then switches the coil off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
-standard error is shown to the person; no code interprets this line.
+standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
+instructions for a terminal are replaced by those for the page (`AT_THE_PAGE`).
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
+import re
 import signal
 import sys
 import threading
@@ -28,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from eimi_lab.acquisition.event_lines import from_line
-from eimi_lab.acquisition.event_words import in_words, off_after
+from eimi_lab.acquisition.event_words import CONTINUE_ENDED, CONTINUE_PAUSED, in_words, off_after
 from eimi_lab.acquisition.events import (
     ConditioningDone,
     Event,
@@ -55,6 +57,7 @@ from eimi_lab.process.stopping import SIGNALS_BETWEEN_PROCESSES
 CONFIRMED_WITHIN_S = 4.0
 """Time (s) after STOP within which a run has to confirm that the coil is off. Otherwise the run is killed."""
 
+_SIGNAL_NAME = re.compile(r"^stopped by SIG[A-Z]+: ")
 CLOSED_WITHIN_S = 10.0
 KEPT_LINES = 40
 LONGEST_LINE = 1 << 24  # bytes: the first event of a run holds every current of its protocol
@@ -71,6 +74,12 @@ SAID = (
     FramesLost,
 )
 """The types of events that the page shows to the person as sentences."""
+
+AT_THE_PAGE = {
+    CONTINUE_PAUSED: "Resume continues the run, STOP ends it",
+    CONTINUE_ENDED: "to continue the run, tick “continue this dataset” and press Start",
+}
+"""For the instructions to a person at a terminal: the instructions to a person at the page."""
 
 AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the kernel merges two equal ones
 
@@ -118,8 +127,10 @@ class Progress:
         The current that was measured when the coil was switched off, A; None if no current was measured.
     left_s : float or None
         Estimated remaining time, s; None before two states are stored.
+    stopped : bool
+        Whether a person ended the run with STOP or with "End with a ramp down".
     last_words : str
-        The last line of the run on standard error.
+        The last line of the run on standard error, with the instructions for the page.
     said : deque of str
         Sentences about the last events of the run.
 
@@ -143,6 +154,7 @@ class Progress:
     hottest_share: float | None = None
     left_s: float | None = None
     status: int | None = None
+    stopped: bool = False
     last_words: str = ""
     said: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
@@ -232,6 +244,7 @@ class BenchRun:
         """
         if self.going_on:
             self._signal(signal.SIGINT)
+            self.progress.stopped = True
             self._phase("ending")
 
     def stop(self) -> asyncio.Task[str]:
@@ -244,6 +257,7 @@ class BenchRun:
                 self._signal(number)
             if self.progress.coil == "on":
                 self.progress.coil = "switching off"
+            self.progress.stopped = True
             self._phase("stopping")
         return asyncio.create_task(self._confirmed())
 
@@ -364,7 +378,7 @@ class BenchRun:
             case StateStoredBefore():
                 progress.stored += 1
         if isinstance(event, SAID):
-            progress.said.append(in_words(event))
+            progress.said.append(_at_the_page(in_words(event)))
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
@@ -384,4 +398,11 @@ class BenchRun:
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():
-                self.progress.last_words = line.removeprefix("eimi: ")
+                self.progress.last_words = _at_the_page(_SIGNAL_NAME.sub("", line.removeprefix("eimi: ")))
+
+
+def _at_the_page(words: str) -> str:
+    """Return a message of a run with the instructions for the page in place of those for a terminal."""
+    for at_a_terminal, at_the_page in AT_THE_PAGE.items():
+        words = words.replace(at_a_terminal, at_the_page)
+    return words

@@ -20,6 +20,7 @@ from eimi_lab.reporting.rounded import value_and_interval
 from eimi_lab.reporting.shown import ShownFit, chosen
 
 _NOISE = "Do the residuals look like noise?"
+_NEXT = "What to measure better next?"
 _ALIKE = 2.0  # laws within this difference of AICc have substantial support (Burnham and Anderson 2002, section 2.6)
 
 
@@ -194,13 +195,18 @@ def _on_unseen_specimens(
             yield from (v for shown, v in zip(report.fits, contents.validations, strict=True) if shown.fit is fit)
 
 
-def _next(fit: FitRecord) -> Verdict | None:
+def _next(fit: FitRecord) -> Verdict:
     """Return the verdict on the quantity to measure better next, with the interval of the modulus to expect then.
 
-    Return None if the fit has no budget, the list of sources of uncertainty with their effects on the modulus.
+    If no uncertainty of an input is given, the verdict says so, because the fit then cannot compare its inputs.
     """
-    if not fit.budget:
-        return None
+    if not fit.budget and fit.taken_as_exact:
+        return Verdict(
+            _NEXT,
+            "not known",
+            "No uncertainty of an input is given. With the uncertainties under [uncertainty] in the files of specimen, "
+            "calibration and rig, a fit names the input to measure better.",
+        )
     now, later = (
         (low, high, 50 * (high - low) / fit.initial_shear_modulus.value)
         for low, high in (
@@ -212,7 +218,7 @@ def _next(fit: FitRecord) -> Verdict | None:
     if fit.measure_next.source is None:
         answer, begin = "more states", "With four times as many states"
     return Verdict(
-        "What to measure better next?",
+        _NEXT,
         answer,
         f"{begin} the interval would be {1e-3 * later[0]:.4g} to {1e-3 * later[1]:.4g} kPa: ±{later[2]:.2g} % instead "
         f"of ±{now[2]:.2g} %.",

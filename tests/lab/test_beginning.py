@@ -87,11 +87,12 @@ def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures
         assert (status, message.count("\n")) == (2, 1)
         return message
 
-    assert "calibration.toml: is a calibration, but a different kind of file is needed here" in refusal(
-        "calibration.toml", "calibration.toml"
-    )
-    assert "specimen.toml: is a specimen, but a different kind" in refusal("specimen.toml", "specimen.toml")
-    assert "protocol.toml: is a protocol, but a different kind" in refusal("protocol.toml", "calibration.toml")
+    wrong = refusal("calibration.toml", "calibration.toml")
+    assert "calibration.toml: is a calibration, but a specimen is needed here" in wrong
+    wrong = refusal("specimen.toml", "specimen.toml")
+    assert "specimen.toml: is a specimen, but a calibration is needed here" in wrong
+    wrong = refusal("protocol.toml", "calibration.toml")
+    assert "protocol.toml: is a protocol, but a specimen is needed here" in wrong
 
 
 @pytest.mark.parametrize(
@@ -102,8 +103,8 @@ def test_a_file_that_is_given_for_the_wrong_argument_is_named(run: Run, pictures
         (
             "fits.json",
             b"{}",
-            "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; give a fits.json with "
-            "--fit",
+            "is a JSON file, not a dataset; `eimi acquire` or `eimi import` makes a dataset; a fits.json belongs "
+            "to --fit",
         ),
         ("beam.toml", b"[specimen]", "is a TOML file, not a dataset"),
         ("points.csv", b"state,point", "is a table; `eimi import` makes a dataset from a table"),

@@ -12,8 +12,10 @@ from typing import Any
 
 import pytest
 
+from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.fits.tensile_files import read_tensile
+from eimi_lab.fits.tensile_fits import fit_window
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 
@@ -27,6 +29,9 @@ def test_exchanged_arguments_for_a_dataset_and_a_fit_are_named(dataset: Path, tm
     assert status == 2
     assert f"{dataset}: is a dataset" in message or f"{fits}: is a JSON file, not a dataset" in message
     assert "--fit" in message
+    status, message = run("export", dataset, "--model", "yeoh", "--to", "abaqus")
+    assert (status, message.count("\n")) == (2, 1)
+    assert f"{dataset}: is a dataset, but a fits.json is needed here" in message
     with pytest.raises(InputError, match=r"is a dataset \(HDF5\), but a text file is needed here"):
         load_specimen(dataset)
 
@@ -74,6 +79,21 @@ def test_a_strain_in_per_cent_is_recognised(tmp_path: Path) -> None:
         read_tensile(file)
     file.write_text(file.read_text().replace("strain,", "strain_percent,"))
     assert read_tensile(file).strain.max() == pytest.approx(0.5)
+
+
+def test_a_curve_of_a_few_per_cent_that_is_read_as_a_fraction_gets_a_hint(tmp_path: Path) -> None:
+    file = tmp_path / "curve.csv"
+    file.write_text("strain,stress_kPa\n" + "".join(f"{k},{2.4 * k:g}\n" for k in range(6)))  # per cent
+    hint = r"1 row can be used.*the strains reach 500 %: name a column in per cent strain_percent"
+    with pytest.raises(InputError, match=hint):
+        fit_window(read_tensile(file), "neo-hookean", 20.0)
+
+
+def test_decimal_commas_in_a_list_are_named(files: Path) -> None:
+    file = files / "calibration.toml"
+    file.write_text(re.sub(r"(?m)^clamp_midpoint_px = .*$", "clamp_midpoint_px = [640,5, 80,2]", file.read_text()))
+    with pytest.raises(InputError, match=r"should have at most 2 values, not 4; decimals have a point, not a comma"):
+        load_calibration(file)
 
 
 @pytest.mark.parametrize("options", [(), ("--checkpoint", "fit.log")])

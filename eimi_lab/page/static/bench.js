@@ -1,5 +1,5 @@
 // The view "Bench": choose the files of a run, list its steps (dry run), and start, watch, pause, resume and end the run. STOP is in the header.
-import { ask, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
+import { ask, askPicture, byId, el, facts, flagList, number, svg, tell, withSigma } from "./dom.js";
 import { on, state, steer } from "./live.js";
 import { Picture } from "./picture.js";
 import { showStates } from "./run_states.js";
@@ -9,6 +9,7 @@ const picture = new Picture(byId("live")), stillness = new Stillness();
 let choicesShown = false;
 let lastRun = 0, shownRun = 0; // number of the last run, and number of the run whose picture and values are shown; 0 is the live camera
 let lastAbout = null, lastEdges = null;
+let storedOf = 0; // number of the ended run whose last state was read from its dataset
 
 const BEGINS = "starting the run …";
 const tried = (act) => async (event) => {
@@ -73,16 +74,17 @@ function showState({ run, control, camera = null }) {
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
   if (lastAbout && shownRun === run.number) showValues(goingOn ? lastAbout : { ...lastAbout, rate_Hz: 0 });
   if (!goingOn && lastAbout && shownRun === run.number) picture.canvas.setAttribute("aria-label", "the last picture of the run");
+  if (!goingOn && !lastAbout && run.stored && shownRun === run.number) showStored(run).catch((error) => tell(error.message, true));
   byId("progress").max = run.states || 1;
   byId("progress").value = run.stored;
   facts(byId("progress-facts"), [
     ["run", PHASES[run.phase]],
     ["dataset", run.dataset],
     ["protocol, specimen, rig", `${run.protocol}, ${run.specimen}, ${run.rig}`],
-    ["states", `${run.stored} of ${run.states}`],
+    ["states", run.states ? `${run.stored} of ${run.states}` : "—"],
     ["time left", goingOn ? minutes(run.left_s) : "—"],
-    ["largest heat of the coil", run.hottest_share === null ? "no rating in the rig file" : `${percent(run.hottest_share)} of the allowed heat`],
-    ["if the run fails", (run.guardian ? "a guardian process switches the coil off; if the guardian is killed too, or the cable or the computer fails: " : "") + run.without_contact],
+    ["largest heat of the coil", !run.states ? "—" : run.hottest_share === null ? "no rating in the rig file" : `${percent(run.hottest_share)} of the allowed heat`],
+    ["if the run fails", !run.states ? "—" : (run.guardian ? "a guardian process switches the coil off; if the guardian is killed too, or the cable or the computer fails: " : "") + run.without_contact],
   ]);
   byId("said").replaceChildren(...run.said.slice().reverse().map((words) => el("li", {}, words)));
   showStates(run);
@@ -92,7 +94,20 @@ function showCameraWords() {
   const { camera = null, run } = state;
   const live = shownRun === 0 && lastAbout !== null;
   byId("camera-words").textContent = camera?.open ? (live ? `live camera of ${camera.rig}, without a run` : `opening the camera of ${camera.rig} …`)
-    : camera?.last_words && run?.phase !== "running" ? `no live picture: ${camera.last_words}` : "";
+    : camera?.last_words && run?.phase !== "running" ? `no live picture: ${camera.last_words}`
+    : storedOf && storedOf === shownRun && !lastAbout ? `the last state of ${run.dataset}` : "";
+}
+
+// Show the last state of an ended run of which this tab received no frame, as after a reload.
+async function showStored({ number: run, dataset: file, stored }) {
+  if (storedOf === run) return;
+  storedOf = run;
+  const at = { file, state: stored - 1 };
+  const [blob, edges] = await Promise.all([askPicture("/api/dataset/picture", at), ask("/api/dataset/edges", at)]);
+  if (shownRun !== run || lastAbout) return;
+  await picture.show(blob, null, `state ${at.state} of ${file}`);
+  picture.draw(edges);
+  showCameraWords();
 }
 
 // Show the camera of the chosen rig, to place the beam and to set focus and exposure.
@@ -160,7 +175,7 @@ function showValues(about) {
     ["set current", set],
     ["measured current", measured],
     ["field", field],
-    ["heat of the coil", percent(about.heat_share)],
+    ["heat of the coil", about.run === 0 ? "—" : percent(about.heat_share)],
     ["frame rate", `${number(about.rate_Hz, 2)} Hz`],
     ["blur σ (focus)", lastEdges?.blur_px ? `${number(lastEdges.blur_px)} px (limit ${number(lastEdges.blur_limit_px)})` : "—"],
     ["tip angle", lastEdges ? withSigma(lastEdges.tip_angle_deg, lastEdges.tip_angle_sigma_deg, "°") : "—"],

@@ -41,10 +41,13 @@ export function flagList(list, flags) {
 export const number = (value, digits = 3) =>
   value === null || value === undefined ? "—" : String(Number(Number(value).toPrecision(digits)));
 
+// Return how many decimals a value with this standard uncertainty deserves: the uncertainty keeps one or two digits.
+export const decimals = (sigma) => sigma > 0 ? Math.min(20, Math.max(0, -Math.floor(Math.log10(sigma / 2)))) : 3;
+
 // Return a value with its standard uncertainty as text. The uncertainty determines the number of digits.
 export function withSigma(value, sigma, unit) {
   if (!sigma || value === null) return value === null ? "—" : `${number(value)}${unit}`;
-  const digits = Math.max(0, -Math.floor(Math.log10(sigma / 2)));
+  const digits = decimals(sigma);
   return `${(Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits)} ± ${sigma.toFixed(digits)}${unit}`;
 }
 

@@ -7,14 +7,15 @@ let shown = "";
 
 export function showOutcome(run) {
   const ended = run !== null && run.phase === "ended";
-  const failed = ended && run.status !== 0;
+  const incomplete = ended && run.status !== 0;
+  const stopped = incomplete && run.stopped && run.coil === "off"; // on request, and with the coil off
   byId("outcome").hidden = !ended;
-  byId("outcome").className = failed ? "failed" : "";
+  byId("outcome").className = stopped ? "stopped" : incomplete ? "failed" : "";
   if (!ended) { shown = ""; return; }
   const stored = run.stored ? `${run.stored} of ${run.states} states are stored in ${run.dataset}.` : "No state was stored.";
-  byId("outcome-title").textContent = failed ? "The run did not complete" : "The run is complete";
-  byId("outcome-words").textContent = failed && run.last_words ? run.last_words : stored;
-  byId("outcome-stored").textContent = failed && run.last_words ? stored : "";
+  byId("outcome-title").textContent = stopped ? "The run was stopped" : incomplete ? "The run did not complete" : "The run is complete";
+  byId("outcome-words").textContent = incomplete && run.last_words ? run.last_words : stored;
+  byId("outcome-stored").textContent = incomplete && run.last_words ? stored : "";
   byId("fit-this").hidden = !run.stored;
   const stage = `${run.number} ${state.fit?.number} ${state.fit?.phase}`;
   if (run.stored && stage !== shown) {

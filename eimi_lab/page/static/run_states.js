@@ -1,5 +1,5 @@
 // The states of the shown run that its dataset contains: the tip angle of each state, and the modulus from the states so far.
-import { ask, byId, number, withSigma } from "./dom.js";
+import { ask, byId, decimals, number, withSigma } from "./dom.js";
 import { state } from "./live.js";
 import { plot } from "./plot.js";
 
@@ -67,13 +67,13 @@ function showModulus(why) {
   const last = all[all.length - 1];
   byId("modulus-plot").hidden = all.length < 2;
   byId("modulus").hidden = !last && !why;
-  byId("modulus-number").textContent = last ? `${number(last.modulus_kPa)} kPa` : "";
   byId("modulus-words").textContent = why;
-  if (!last) { byId("modulus-interval").textContent = ""; return; }
-  const [low, high] = last.interval_95_kPa;
-  byId("modulus-interval").textContent = `95 %: ${number(low)} to ${number(high)} kPa`;
+  if (!last) { for (const id of ["modulus-number", "modulus-interval"]) byId(id).textContent = ""; return; }
+  const [low, high] = last.interval_95_kPa, digits = decimals((high - low) / 3.92); // of a normal distribution
+  byId("modulus-number").textContent = `${last.modulus_kPa.toFixed(digits)} kPa`;
+  byId("modulus-interval").textContent = `95 %: ${low.toFixed(digits)} to ${high.toFixed(digits)} kPa`;
   byId("modulus-words").textContent = why || `Shear modulus so far, from ${last.used} states of ${taken.dataset}. Largest source of its uncertainty: ${last.limited_by}. `
-    + "This estimate uses a planar beam model. A fit gives the final result.";
+    + "This is a quick estimate for a Neo-Hookean beam. A fit gives the final result.";
   plot(byId("modulus-plot"), all.map((one) => ({
     x: one.states, y: one.modulus_kPa, low: one.interval_95_kPa[0], high: one.interval_95_kPa[1], now: one === last,
     title: `${one.states} states: ${number(one.modulus_kPa)} kPa`,

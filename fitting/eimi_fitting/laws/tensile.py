@@ -154,7 +154,8 @@ def fit_tensile(
     used = window & (stress_Pa > 0) if relative else window
     n = len(law.parameter_names)
     if used.sum() <= n:
-        raise CannotFit(f"{used.sum()} rows can be used, but a fit of the {law.name} law needs at least {n + 1} rows")
+        rows = "1 row" if used.sum() == 1 else f"{used.sum()} rows"
+        raise CannotFit(f"{rows} can be used, but a fit of the {law.name} law needs at least {n + 1} rows")
     e, s = strain[used], stress_Pa[used]
     solved = law.fit_stress(e, s, 1 / s if relative else np.ones_like(s))
     residual = engineering_stress(law, solved.parameters, e) - s

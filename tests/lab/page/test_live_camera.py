@@ -16,6 +16,7 @@ def test_the_camera_is_shown_before_a_run_without_a_message_to_the_supply(
     frames_arrive(page)
     page.locator("#live polyline").first.wait_for(state="attached")
     assert "blur" in page.locator("#values").inner_text()  # the measure of the focus
+    assert "no rating" not in page.locator("#values").inner_text()  # the rig file rates the coil
     page.locator("#light rect").first.wait_for(state="attached")  # the measure of the exposure
     assert emulated_bench.is_off()
     assert page.locator("#coil-how").inner_text() == "not measured"

@@ -167,6 +167,10 @@ def test_the_first_screen_shows_the_result_of_a_fit(
     for change, answer in (({"held_out_error_mm": 0.0130}, "predicted unseen states"), ({"budget": ()}, "noise only")):
         (graded,) = findings.findings(report_of(replace(fit, **change), evidence))
         assert graded.verdicts[0].answer == answer
+    exact = replace(fit, budget=(), taken_as_exact=(), measure_next=replace(fit.measure_next, source=None))
+    for change, answer in ((exact, "more states"), (replace(exact, taken_as_exact=("dimensions",)), "not known")):
+        (without,) = findings.findings(report_of(change, evidence))
+        assert [v.answer for v in without.verdicts if v.question == "What to measure better next?"] == [answer]
     of_other = validation(fit).model_copy(update={"dataset": "other.h5", "seen": False, "mean_error_interval_mm": None})
     predicted, missed = (
         of_other.model_copy(update={"mean_error_mm": share * fit.mean_error_mm}) for share in (1.2, 4.0)
