@@ -94,7 +94,12 @@ def of_the_bench(browser: Browser, address: str) -> None:
     page.wait_for_timeout(1500)
     keep(page, "idle")
     page.get_by_role("button", name="Start").click()
+    page.locator("#progress-facts").get_by_text("2 of 6").wait_for()
+    page.get_by_role("button", name="Pause").click()  # the page computes the modulus while the run waits
     page.locator("#modulus-plot circle.dot").first.wait_for()
+    page.get_by_text("paused, coil off").wait_for()
+    page.get_by_role("button", name="Resume").click()
+    page.get_by_text("COIL ON").wait_for()
     page.locator("#live polyline >> nth=1").wait_for(state="attached")
     keep(page, "running")
     page.keyboard.press("Escape")
