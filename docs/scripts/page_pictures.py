@@ -105,6 +105,8 @@ def of_the_bench(browser: Browser, address: str) -> None:
     page.keyboard.press("Escape")
     page.get_by_text("confirmed after").wait_for()
     page.get_by_role("button", name="Start").wait_for()
+    stored = int(page.locator("#progress").get_attribute("value") or 0)
+    page.locator(f"#live-plot circle.dot >> nth={stored - 1}").wait_for()  # the page has read all states
     page.wait_for_timeout(1500)
     keep(page, "stopped")
     page.get_by_label("continue this dataset").check()
