@@ -37,6 +37,8 @@ _OPERATORS: dict[type[ast.operator], tuple[str, str]] = {
     ast.FloorDiv: ("//", "/"),
     ast.Mod: ("%", "*"),
 }
+# Functions whose result does not depend on the order of their arguments.
+_SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum")
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def _of_node(node: ast.AST, text: str, names: Mapping[str, int]) -> Iterator[Cha
         case ast.Call(args=[ast.expr() as first, ast.expr() as second, *_]):
             one, other = ast.unparse(first), ast.unparse(second)
             starred = isinstance(first, ast.Starred) or isinstance(second, ast.Starred)
-            if one != other and not starred:
+            if one != other and not starred and ast.unparse(node.func) not in _SYMMETRIC:
                 yield Change(*_start(first), *_end(second), f"{other}, {one}", "two arguments are swapped")
         case ast.Name(ctx=ast.Load(), id=name) if name in names:
             others = [other for other, line in names.items() if line < node.lineno and other != name]

@@ -62,6 +62,11 @@ def test_assertions_are_not_changed() -> None:
     }
 
 
+def test_the_arguments_of_a_symmetric_function_are_not_swapped() -> None:
+    swaps = [change.new for change in changes("a = max(b, c) - atan2(b, c)\n") if change.says.endswith("swapped")]
+    assert swaps == ["c, b"]
+
+
 def test_a_change_is_a_unique_fragment_of_whole_lines() -> None:
     text = "def f(a):\n    a = a + 1\n    a = a + 1\n    return a\n"
     (change,) = [c for c in changes(text) if c.line == 3 and c.says == "+ becomes -"]

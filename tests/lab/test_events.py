@@ -353,6 +353,12 @@ def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
     assert f"eimi guardian: {in_words(off)}" in messages
 
 
+@pytest.mark.parametrize("kind", EVENTS)
+def test_a_field_of_an_event_that_is_left_out_says_nothing(kind: str) -> None:
+    stated = [field for field in dataclasses.fields(EVENTS[kind]) if field.default is not dataclasses.MISSING]
+    assert all(not field.default for field in stated)
+
+
 def test_lines_for_a_reader_that_has_ended_are_dropped_with_one_line_in_the_log(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -265,6 +265,27 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
     assert supply.did == ["arm", "allow", "off", "disarm"]
 
 
+def test_a_signal_whose_error_was_dropped_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python drops an error that a signal raises in a destructor; `raise_if_asked` raises the error again."""
+    clock = SimulatedClock()
+    supply = Obstinate(0.5, clock)
+
+    def asked() -> None:
+        raise Stopped(signal.SIGTERM)
+
+    def run() -> None:
+        with switching_off(Coil(supply, clock, RAMP, asked_A=0.5)) as stop_if_asked:  # type: ignore[arg-type]
+            stop_if_asked()
+            monkeypatch.setattr("eimi_lab.acquisition.switching_off.raise_if_asked", asked)
+            stop_if_asked()
+            supply.did.append("went on")
+
+    with pytest.raises(Stopped):
+        run()
+    assert "went on" not in supply.did
+    assert supply.did[-1] == "off"
+
+
 @pytest.mark.parametrize(("signals", "ramped"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_ramp_down(signals: int, ramped: bool, caplog: pytest.LogCaptureFixture) -> None:
     clock = SimulatedClock()
