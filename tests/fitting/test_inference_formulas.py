@@ -809,6 +809,16 @@ def test_a_shift_in_common_is_explained_by_the_source_and_the_noise_remains() ->
     assert noise._with_sources(clean.slopes, [None])[1].any() is np.False_
 
 
+def test_without_uncertain_inputs_the_noise_is_that_of_all_residuals(monkeypatch: pytest.MonkeyPatch) -> None:
+    about, given = evidence(), SimpleNamespace(unit=np.array([0.5, 0.4]))
+    monkeypatch.setattr(noise, "linearise", lambda problem, optimum: about)
+    monkeypatch.setattr(noise, "considered", lambda problem, unit: ())
+    found = noise.linearise_noise(SimpleNamespace(), given)  # type: ignore[arg-type]
+    assert found.about is about
+    assert found.explained.states is about.states
+    assert found.explained.squares == pytest.approx(0.49)  # one nuisance, 0.7 standard deviations from its stated value
+
+
 def test_the_value_of_a_fit_counts_errors_and_squared_deviations() -> None:
     states = [noisy([0.03, 0.01])]
     unknowns: Any = SimpleNamespace(standardised=lambda unit: np.tile([1.0, 2.0], (len(unit), 1)))

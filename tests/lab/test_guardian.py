@@ -221,7 +221,9 @@ def test_a_run_that_stood_still_together_with_its_guardian_sends_no_further_set_
         guardian.disarm()
         guardian.check()
         slept_s[0] = 3600.0  # a pause of the run does not count as a standstill, however long it is
+        guardian._heard_s -= 3600.0  # in a pause, the run does not listen to its guardian
         guardian.arm()
+        assert guardian.silent_s() < 60.0
         guardian.refuse_a_gap()
         guardian.check()
         guardian.disarm()
