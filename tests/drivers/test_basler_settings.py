@@ -15,7 +15,13 @@ import pytest
 
 from eimi_drivers.cameras import CameraSettings, open_camera
 from eimi_drivers.cameras.basler import BaslerCamera
-from eimi_drivers.interfaces import InstrumentTimeout, SetPointNotTaken, SetPointRefused
+from eimi_drivers.interfaces import (
+    InstrumentDisconnected,
+    InstrumentError,
+    InstrumentTimeout,
+    SetPointNotTaken,
+    SetPointRefused,
+)
 
 SETTINGS = CameraSettings(exposure_s=0.002, gain=6.0, gamma=0.8, region=(16, 32, 64, 48), bit_depth=12)
 
@@ -219,3 +225,13 @@ def test_a_setting_may_differ_by_at_most_one_step(ratio: float, taken: bool) -> 
         return
     with pytest.raises(SetPointNotTaken, match="exposure_s was set to"):
         requested.verify("camera", answer)
+
+
+@pytest.mark.parametrize("removed", [False, True])
+def test_an_error_of_a_camera_that_was_unplugged_is_a_disconnection(removed: bool) -> None:
+    camera: Any = object.__new__(BaslerCamera)
+    camera.source, camera._errors = "7", (OutOfRange,)
+    camera._camera = SimpleNamespace(IsCameraDeviceRemoved=lambda: removed)
+    with pytest.raises(InstrumentError, match=r"^Basler camera 7: gone$") as caught, camera._errors_named():
+        raise OutOfRange(" gone ")
+    assert isinstance(caught.value, InstrumentDisconnected) is removed

@@ -316,6 +316,8 @@ def test_a_setting_that_reads_back_wrong_is_named_and_the_device_is_released(bar
         CameraSettings(exposure_s=-1.0),
         CameraSettings(region=(0, 0, 0, 5)),
         CameraSettings(frame_rate_Hz=-1.0),
+        CameraSettings(exposure_s=0.0),
+        CameraSettings(frame_rate_Hz=0.0),
     ],
 )
 def test_impossible_settings_are_refused(bare_device, settings):
