@@ -161,7 +161,7 @@ def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
         except SetPointRefused:
             return f"the driver refused {1.01 * LIMITS.current_A:g} A and sent nothing to the supply"
         raise InstrumentError(
-            f"the limit is {1.01 * LIMITS.current_A:g} A, but the driver did not refuse a current above it"
+            f"the limit is {LIMITS.current_A:g} A, but the driver did not refuse {1.01 * LIMITS.current_A:g} A"
         )
 
     _step(trial, "it identifies itself", identifies)

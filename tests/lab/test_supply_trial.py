@@ -258,6 +258,17 @@ def test_every_step_of_a_trial_has_its_outcome(
     ]
 
 
+def test_a_driver_that_refuses_no_current_is_noticed_before_the_output_is_on(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SUPPLIES["aim-tti"], "_refuse_outside", lambda *_: None)
+    trial, coil, watcher = simulated()
+    assert [step.passed for step in trial.steps] == [True, True, False]
+    assert trial.steps[-1].outcome == "the limit is 1 A, but the driver did not refuse 1.01 A"
+    assert not coil.state.output
+    assert ("arm",) not in watcher.told
+
+
 def test_a_meter_may_show_up_to_the_off_limit(
     simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
 ) -> None:
