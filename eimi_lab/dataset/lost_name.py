@@ -1,4 +1,4 @@
-"""Notice that another program moved, deleted or replaced an open dataset, and copy the dataset to another name."""
+"""Notice that another program changed, moved, deleted or replaced an open dataset, and copy it to another name."""
 
 from __future__ import annotations
 
@@ -14,6 +14,21 @@ from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.writer_lock import WriterLock
 
 COPY_BYTES = 1 << 20
+HEAD_BYTES = 4096
+"""Number of bytes at the beginning of a dataset that are compared, to notice that another program wrote into it."""
+
+
+def head_of(descriptor: int) -> bytes:
+    """Return the first `HEAD_BYTES` bytes of an open file, and keep the present position in the file for HDF5.
+
+    ``descriptor`` is the file descriptor. pread(2) is not used, because Windows has no such function.
+    """
+    place = os.lseek(descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
+    try:
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        return os.read(descriptor, HEAD_BYTES)
+    finally:
+        os.lseek(descriptor, place, os.SEEK_SET)
 
 
 def fate_of(path: Path, descriptor: int) -> str:

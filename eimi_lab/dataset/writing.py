@@ -39,7 +39,7 @@ from eimi_lab.dataset.layout import (
     now,
     to_stored,
 )
-from eimi_lab.dataset.lost_name import copy_beside, fate_of
+from eimi_lab.dataset.lost_name import copy_beside, fate_of, head_of
 from eimi_lab.dataset.recordings import (
     BELONGS_TO,
     RING_DOWN,
@@ -65,10 +65,6 @@ from eimi_lab.process.writer_lock import WriterLock
 from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
-HEAD_BYTES = 4096
-"""Number of bytes at the beginning of the file that the writer compares, to notice that another program wrote into the
-file.
-"""
 
 
 def _ignore() -> None:
@@ -412,7 +408,7 @@ class DatasetWriter:
 
     def _refuse_overwritten(self) -> None:
         """Raise StorageFailed if the beginning of the file has changed since the writer wrote it."""
-        if self._read_head() != self._head:
+        if head_of(self._descriptor) != self._head:
             self._abandon()
             raise StorageFailed(
                 f"{self.path}: another program wrote into the file during the run, so the {self._stored} states stored "
@@ -435,7 +431,7 @@ class DatasetWriter:
         finally:
             os.close(source)
             old_lock.release()
-        self._head = self._read_head()
+        self._head = head_of(self._descriptor)
         self._warn(
             f"{taken_from} {fate} during the run; the {self._stored} states stored so far and all following states "
             f"are in {self.path}"
@@ -444,19 +440,7 @@ class DatasetWriter:
     def _synchronise(self) -> None:
         self._file.flush()
         os.fsync(self._descriptor)
-        self._head = self._read_head()
-
-    def _read_head(self) -> bytes:
-        """Return the first `HEAD_BYTES` bytes of the file, and keep the present position in the file for HDF5.
-
-        pread(2) is not used, because Windows has no such function.
-        """
-        place = os.lseek(self._descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
-        try:
-            os.lseek(self._descriptor, 0, os.SEEK_SET)
-            return os.read(self._descriptor, HEAD_BYTES)
-        finally:
-            os.lseek(self._descriptor, place, os.SEEK_SET)
+        self._head = head_of(self._descriptor)
 
 
 def _access() -> h5p.PropFAID:

@@ -23,11 +23,10 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     Candidates,
     EdgeNoise,
     KnownLaw,
-    Rivals,
     candidates,
-    rivals,
 )
 from eimi_fitting.inference.planning.exchange import equally_spaced, exchange
+from eimi_fitting.inference.planning.rival_laws import Rivals, rivals
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.protocol import Currents, Protocol
 from eimi_lab.config.rig import Rig

@@ -17,9 +17,9 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     EdgeNoise,
     KnownLaw,
     candidates,
-    rivals,
 )
 from eimi_fitting.inference.planning.exchange import equally_spaced, exchange
+from eimi_fitting.inference.planning.rival_laws import rivals
 from eimi_fitting.laws import LAWS
 from tests.shared.planned_states import Bench, Setting, fitted, half_percent, measured, planned
 from tests.shared.virtual_measurements import stated

@@ -1,6 +1,7 @@
 """Choose the next states to measure, and the hyperelastic law.
 
-design_of_experiment   the states that give the narrowest interval, or that distinguish two laws
+design_of_experiment   the states that give the narrowest interval
+rival_laws             the states that distinguish two laws
 exchange               the choice of the best states by exchange
 choice_of_law          the comparison of laws by AICc and BIC
 modulus_so_far         an estimate of the modulus during a run

@@ -1,4 +1,4 @@
-"""Choose the states to measure next: for the narrowest interval of a quantity, or to distinguish two laws.
+"""Choose the states to measure next, so that the interval of a quantity becomes narrow.
 
 Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of the edges of
 this state in the unknowns of the law. C is the change of these edges for one standard uncertainty of each source of
@@ -12,10 +12,6 @@ variance of the unknowns before the measurement. t is the 97.5 % quantile of Stu
 
 `inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
 `inference.planning.exchange` chooses the states.
-
-To distinguish two laws, the second law (the rival) is fitted to the edges of the first law. The criterion is the sum of
-the squared residuals of this fit, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975,
-Biometrika 62:57). This sum is the expected difference in AIC.
 """
 
 from __future__ import annotations
@@ -32,7 +28,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.corrections import FINER_MESH, MESH_ORDER, correction
-from eimi_fitting.inference.evidence.experiment import Experiment, compare
+from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import StatedSource
@@ -221,51 +217,6 @@ class Candidates:
         return 100 * _NORMAL * float(np.sqrt(noise + sources.sum() + self.irreducible**2))
 
 
-@dataclass(frozen=True)
-class Rivals:
-    """S states that could distinguish a first law from a second law, the rival.
-
-    The states are linearised in m quantities: the unknowns of the rival and the sources of uncertainty. J are the
-    derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges of the rival from the
-    edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
-
-    Attributes
-    ----------
-    loads : Loads
-        The loads of the S states.
-    states : ndarray of int, shape (S,)
-        Index of each state among all loads that were considered.
-    square : ndarray, shape (S,)
-        w sum r^2 over the points of each state.
-    score : ndarray, shape (S, m)
-        w sum J'r over the points of each state.
-    normal : ndarray, shape (S, m, m)
-        w sum J'J over the points of each state.
-    prior : ndarray, shape (m, m)
-        Inverse variance of the m quantities before the measurement.
-    """
-
-    loads: Loads
-    states: Choice
-    square: Array
-    score: Array
-    normal: Array
-    prior: Array
-
-    def __len__(self) -> int:
-        return len(self.square)
-
-    def variance(self, choices: Choice) -> Array:
-        """Return 1 / (expected difference in AIC), shape (D,), for D choices of K states by index, shape (D, K)."""
-        square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
-        step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
-        return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
-
-    def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC for the states ``choice`` if the first law is true."""
-        return 1 / float(self.variance(choice[None])[0])
-
-
 def candidates(
     known: KnownLaw,
     specimen: Specimen,
@@ -310,13 +261,13 @@ def candidates(
     ValueError
         If no state has an equilibrium.
     """
-    model = _planar_model(specimen)
-    states = _reached(known, model, loads)
-    experiment = _experiment(known, model, loads.take(states), stated, noise)
+    model = planar_model(specimen)
+    states = states_reached(known, model, loads)
+    experiment = experiment_without_noise(known, model, loads.take(states), stated, noise)
     unknowns, unit = known.unknowns()
     problem = Problem(known.law, unknowns, (experiment,))
-    slopes = _slopes(problem, unit)
-    scale = _over_variance(noise, slopes.shape[-1])
+    slopes = slopes_of(problem, unit)
+    scale = over_variance(noise, slopes.shape[-1])
     moved = {s.name: change for s in considered(problem, unit) if (change := s.changes[0]) is not None}
     if specimen.section != "solid":  # a solid specimen is fitted on the mesh of the solid
         moved |= _mesh(problem, unit, along)
@@ -334,66 +285,12 @@ def candidates(
     )
 
 
-def rivals(
-    known: KnownLaw,
-    rival: KnownLaw,
-    specimen: Specimen,
-    loads: Loads,
-    stated: Sequence[StatedSource],
-    noise: EdgeNoise,
-) -> Rivals:
-    """Linearise the states in which the beam has an equilibrium under two laws, to distinguish these laws.
-
-    Parameters
-    ----------
-    known, rival : KnownLaw
-        The first law (assumed true) and the second law, both with the parameters of earlier fits.
-    specimen : Specimen
-        The specimen of the planned run.
-    loads : Loads
-        The states that could be measured.
-    stated : sequence of StatedSource
-        Sources of uncertainty of the planned run.
-    noise : EdgeNoise
-        Noise of the edges.
-
-    Returns
-    -------
-    Rivals
-        The states with an equilibrium under both laws.
-
-    Raises
-    ------
-    ValueError
-        If no state has an equilibrium under both laws.
-    """
-    model = _planar_model(specimen)
-    states = _reached(rival, model, loads)
-    states = states[_reached(known, model, loads.take(states))]
-    experiment = _experiment(known, model, loads.take(states), stated, noise)
-    unknowns, unit = rival.unknowns()
-    problem = Problem(rival.law, unknowns, (experiment,))
-    slopes = _slopes(problem, unit)
-    residuals = compare(rival.law, rival.parameters[None], [experiment]).misfits[0].residuals[0]
-    moved = [change for source in considered(problem, unit) if (change := source.changes[0]) is not None]
-    every = np.concatenate([slopes, np.array(moved).reshape(len(moved), *slopes.shape[1:])])
-    scale = _over_variance(noise, slopes.shape[-1])
-    return Rivals(
-        loads=experiment.loads,
-        states=states,
-        square=scale * np.einsum("kgn,kgn->k", residuals, residuals),
-        score=scale * np.einsum("ikgn,kgn->ki", every, residuals),
-        normal=scale * np.einsum("ikgn,jkgn->kij", every, every),
-        prior=np.diag(np.concatenate([unknowns.prior, np.ones(len(moved))])),
-    )
-
-
-def _planar_model(specimen: Specimen) -> BeamModel:
+def planar_model(specimen: Specimen) -> BeamModel:
     """Return the planar model that replaces a solid specimen, on the coarse mesh of the search."""
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
 
-def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
+def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
     """Return the indices of the states with an equilibrium and a stable law; raise ValueError without such a state."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
@@ -401,7 +298,7 @@ def _reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
     return np.flatnonzero(converged)
 
 
-def _experiment(
+def experiment_without_noise(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
     """Return an experiment whose edges are those of the known law, without noise."""
@@ -411,7 +308,7 @@ def _experiment(
     return Experiment(model, loads, observed, stated=tuple(stated))
 
 
-def _slopes(problem: Problem, unit: Array) -> Array:
+def slopes_of(problem: Problem, unit: Array) -> Array:
     """Return the derivatives of residuals in n unknowns in mm, (n, K, 2, m), for m points of 2 edges in K states."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
@@ -437,7 +334,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
     return {FINER_MESH.name: scale * FINER_MESH.remaining_share / _NORMAL * mesh_correction.changes[0]}
 
 
-def _over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
+def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
     """Return the weight of a squared change of one simulated edge point, in 1/mm^2.
 
     The weight is the inverse variance of an independent point, times the number of independent measured points, over

@@ -1,0 +1,132 @@
+"""Choose the states to measure next, so that they distinguish two laws.
+
+The second law (the rival) is fitted to the edges of the first law. The criterion is the sum of the squared residuals of
+this fit, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57). This
+sum is the expected difference in AIC.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.specimen import Specimen
+from eimi_fitting.inference.evidence.experiment import compare
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.interval.considered import considered
+from eimi_fitting.inference.planning.design_of_experiment import (
+    Choice,
+    EdgeNoise,
+    KnownLaw,
+    experiment_without_noise,
+    over_variance,
+    planar_model,
+    slopes_of,
+    states_reached,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """S states that could distinguish a first law from a second law, the rival.
+
+    The states are linearised in m quantities: the unknowns of the rival and the sources of uncertainty. J are the
+    derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges of the rival from the
+    edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
+
+    Attributes
+    ----------
+    loads : Loads
+        The loads of the S states.
+    states : ndarray of int, shape (S,)
+        Index of each state among all loads that were considered.
+    square : ndarray, shape (S,)
+        w sum r^2 over the points of each state.
+    score : ndarray, shape (S, m)
+        w sum J'r over the points of each state.
+    normal : ndarray, shape (S, m, m)
+        w sum J'J over the points of each state.
+    prior : ndarray, shape (m, m)
+        Inverse variance of the m quantities before the measurement.
+    """
+
+    loads: Loads
+    states: Choice
+    square: Array
+    score: Array
+    normal: Array
+    prior: Array
+
+    def __len__(self) -> int:
+        return len(self.square)
+
+    def variance(self, choices: Choice) -> Array:
+        """Return 1 / (expected difference in AIC), shape (D,), for D choices of K states by index, shape (D, K)."""
+        square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
+        step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
+        return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
+
+    def apart(self, choice: Choice) -> float:
+        """Return the expected difference in AIC for the states ``choice`` if the first law is true."""
+        return 1 / float(self.variance(choice[None])[0])
+
+
+def rivals(
+    known: KnownLaw,
+    rival: KnownLaw,
+    specimen: Specimen,
+    loads: Loads,
+    stated: Sequence[StatedSource],
+    noise: EdgeNoise,
+) -> Rivals:
+    """Linearise the states in which the beam has an equilibrium under two laws, to distinguish these laws.
+
+    Parameters
+    ----------
+    known, rival : KnownLaw
+        The first law (assumed true) and the second law, both with the parameters of earlier fits.
+    specimen : Specimen
+        The specimen of the planned run.
+    loads : Loads
+        The states that could be measured.
+    stated : sequence of StatedSource
+        Sources of uncertainty of the planned run.
+    noise : EdgeNoise
+        Noise of the edges.
+
+    Returns
+    -------
+    Rivals
+        The states with an equilibrium under both laws.
+
+    Raises
+    ------
+    ValueError
+        If no state has an equilibrium under both laws.
+    """
+    model = planar_model(specimen)
+    states = states_reached(rival, model, loads)
+    states = states[states_reached(known, model, loads.take(states))]
+    experiment = experiment_without_noise(known, model, loads.take(states), stated, noise)
+    unknowns, unit = rival.unknowns()
+    problem = Problem(rival.law, unknowns, (experiment,))
+    slopes = slopes_of(problem, unit)
+    residuals = compare(rival.law, rival.parameters[None], [experiment]).misfits[0].residuals[0]
+    moved = [change for source in considered(problem, unit) if (change := source.changes[0]) is not None]
+    every = np.concatenate([slopes, np.array(moved).reshape(len(moved), *slopes.shape[1:])])
+    scale = over_variance(noise, slopes.shape[-1])
+    return Rivals(
+        loads=experiment.loads,
+        states=states,
+        square=scale * np.einsum("kgn,kgn->k", residuals, residuals),
+        score=scale * np.einsum("ikgn,kgn->ki", every, residuals),
+        normal=scale * np.einsum("ikgn,jkgn->kij", every, every),
+        prior=np.diag(np.concatenate([unknowns.prior, np.ones(len(moved))])),
+    )
