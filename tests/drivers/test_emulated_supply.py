@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import socket
+import threading
 
 import pytest
 
@@ -35,6 +37,15 @@ def test_current_follows_with_the_time_constant():
     coil.switch(False)
     clock.sleep(50.0)
     assert coil.coil_current_A() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_pseudo_terminal_leaves_no_open_file_and_no_thread():
+    before = set(os.listdir("/dev/fd")), set(threading.enumerate())
+    with serve_pty(emulate("scpi", CoilSupply(WallClock()))) as address:
+        supply = open_supply("scpi", address, LIMITS)
+        assert not supply.output_on()
+        supply.close()
+    assert (set(os.listdir("/dev/fd")), set(threading.enumerate())) == before
 
 
 def test_the_voltage_set_point_bounds_the_current():
