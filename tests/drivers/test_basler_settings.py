@@ -90,11 +90,12 @@ class Device:
         self.TriggerSelector, self.TriggerMode, self.TriggerSource = Node(""), Node("Off"), Node("")
         self.MaxNumBuffer = Node(10)
         self.ready: list[int] = []
-        self.triggered, self.late, self.grabbing = 0, False, False
+        self.triggered, self.late, self.grabbing, self.closed = 0, False, False, False
 
     def Open(self) -> None: ...
 
-    def Close(self) -> None: ...
+    def Close(self) -> None:
+        self.closed = True
 
     def StartGrabbing(self, strategy: object) -> None:
         self.grabbing = True
@@ -169,6 +170,7 @@ def test_a_setting_that_reads_back_wrong_is_named(device: Device, node: str, set
     with pytest.raises(SetPointNotTaken, match=f"{setting} was set to .* but reads back"):
         BaslerCamera(0, SETTINGS)
     assert not device.grabbing
+    assert device.closed
 
 
 def test_with_a_frame_rate_the_camera_runs_freely_and_frames_that_were_exposed_before_a_flush_are_skipped(

@@ -15,6 +15,7 @@ from eimi_drivers.cameras.basler import PIXEL_FORMATS as BASLER_FORMATS
 from eimi_drivers.cameras.pixel_formats import GREY_BY_DEPTH, PIXEL_FORMATS, choose_format, depth_of
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.discovery import BOARD_USB_VENDORS, KORAD_USB_IDS, SENSOR_USB_IDS
+from eimi_drivers.emulators import hislip
 from eimi_drivers.emulators.serve import DIALECTS, emulate
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentError, Limits
@@ -282,3 +283,13 @@ def test_an_emulated_supply_accepts_levels_of_a_protection_up_to_its_highest(dri
     assert float(instrument.receive(question)) == pytest.approx(0.9 * highest, rel=1e-3)
     instrument.receive(message % highest)
     assert float(instrument.receive(question)) == pytest.approx(highest, rel=1e-3)
+
+
+def test_the_types_of_messages_and_of_their_answers_are_those_of_hislip() -> None:
+    """IVI-6.1, table 4: Initialize 0, Data 6, DataEND 7, AsyncMaximumMessageSize 15, AsyncInitialize 17.
+
+    The answer to each of the three requests has the next number.
+    """
+    assert (hislip.INITIALIZE, hislip.DATA, hislip.DATA_END) == (0, 6, 7)
+    assert (hislip.ASYNC_MESSAGE_SIZE, hislip.ASYNC_INITIALIZE) == (15, 17)
+    assert hislip.ANSWER_TO == {0: 1, 15: 16, 17: 18}

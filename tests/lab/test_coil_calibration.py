@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from eimi_drivers.interfaces import SensorReading
 from eimi_lab.acquisition import coil_calibration
 from eimi_lab.acquisition.coil_calibration import CoilCalibration, calibration_currents, with_measured_coil
+from eimi_lab.acquisition.events import Event
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.rig import load_rig
 from eimi_lab.config.specimen import load_specimen
@@ -57,6 +59,22 @@ def test_thermometers_are_measured_at_rest_before_the_coil_is_heated(
     arguments = ("calibrate-coil", "--rig", tmp_path / "rig.toml", "-o", tmp_path / "new.toml", "--largest", 0.1)
     status, message = run(*arguments)
     assert (status, set_points_A) == (0, [0.0]), message
+
+
+def test_a_real_coil_is_opened_with_its_rig_and_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The coil of a rig with a real supply is opened like that of a run, and closed at the end."""
+    rig, events, done = load_rig("bench_example"), list[Event](), list[object]()
+
+    @contextmanager
+    def opened(rig: object, on_event: object) -> Iterator[str]:
+        done.extend((rig, on_event))
+        yield "bench"
+        done.append("closed")
+
+    monkeypatch.setattr(coil_calibration, "open_coil", opened)
+    with coil_calibration._opened(rig, events.append) as bench:
+        done.append(bench)
+    assert done == [rig, events.append, "bench", "closed"]
 
 
 def test_an_existing_calibration_is_kept(tmp_path: Path, run: Run) -> None:

@@ -68,6 +68,7 @@ class FilmedBeam:
         self.buffered = 0
 
     def grab(self, timeout_s: float) -> Frame:
+        assert timeout_s == 5.0  # as documented for a camera that loses frames
         self.clock.sleep(FRAME_S)
         self._taken += 1
         if self.buffered:
