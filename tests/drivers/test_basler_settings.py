@@ -237,3 +237,17 @@ def test_an_error_of_a_camera_that_was_unplugged_is_a_disconnection(removed: boo
     with pytest.raises(InstrumentError, match=r"^Basler camera 7: gone$") as caught, camera._errors_named():
         raise OutOfRange(" gone ")
     assert isinstance(caught.value, InstrumentDisconnected) is removed
+
+
+@pytest.mark.parametrize(
+    ("removed", "error", "words"),
+    [(True, InstrumentDisconnected, "the camera was unplugged"), (False, InstrumentTimeout, "no frame within 0.2 s")],
+)
+def test_a_frame_that_does_not_come_is_a_disconnection_if_the_camera_is_gone(
+    device: Device, monkeypatch: pytest.MonkeyPatch, removed: bool, error: type[Exception], words: str
+) -> None:
+    camera = open_camera("basler", 0, SETTINGS)
+    device.late = True
+    monkeypatch.setattr(device, "IsCameraDeviceRemoved", lambda: removed)
+    with pytest.raises(error, match=f"^Basler camera 0: {words}"):
+        camera.grab(0.2)
