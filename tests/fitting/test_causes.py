@@ -105,6 +105,20 @@ def test_the_cause_taper_undoes_both_measured_modes_of_the_width():
     assert widths == pytest.approx(np.zeros(len(widths)), abs=1e-12)
 
 
+def test_a_magnet_whose_moment_points_out_of_the_picture_makes_the_beam_wider_toward_its_tip():
+    along, half = np.linspace(2.0, 24.0, 12), 0.5 * BEAM.width_mm
+    sides = np.stack([np.stack([along, np.full(12, y)], axis=-1) for y in (-half, half)])
+    field_mT = 0.02  # a weak field: the beam stays straight
+    observed = EdgeObservation(np.tile(sides, (2, 1, 1, 1)), np.full((2, 2, 12), NOISE_MM))
+    experiment = Experiment(BeamModel(BEAM), Loads.along([0.0, field_mT], gravity_angle_deg=None), observed)
+    assumed = Assumed(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), None, experiment)
+    changed = _possible("magnetisation_out_of_plane").change(assumed, np.array([3.0])).experiment.observed.points_mm
+    twist_per_m = np.radians(3.0) * MAGNET.moment_A_m2 * 1e-3 * field_mT / (TRUTH_PA * 28.2e-12)  # J of 3 x 5 mm
+    assert changed[0] == pytest.approx(sides, abs=1e-12)
+    narrower = half - changed[1, :, :, 1] * [[-1], [1]]
+    assert narrower == pytest.approx(np.tile(0.5 * BEAM.depth_mm * 1e-3 * twist_per_m * along, (2, 1)), rel=0.06)
+
+
 @given(
     share=st.floats(-0.02, 0.02).filter(lambda share: abs(share) > 1e-3),
     x=st.floats(-1.5, 1.5),

@@ -62,15 +62,17 @@ def without_twist(
     )
     wider_mm = 0.5 * (width * (np.cos(twist_rad) - 1) + np.copysign(depth * np.abs(np.sin(twist_rad)), angle_deg))
     direction = np.gradient(middle, axis=1)
-    to_right = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
-    to_right /= np.linalg.norm(to_right, axis=-1, keepdims=True)
-    # Each measured point moves as the nearest station of the middle line.
+    spacing_mm = np.linalg.norm(direction, axis=-1, keepdims=True)
+    direction, slope = direction / spacing_mm, np.gradient(wider_mm, axis=1) / spacing_mm[..., 0]
+    # Each measured point moves as its foot on the tangent at the nearest station of the middle line.
     points = observed.points_mm
-    apart = ((points[:, :, :, None] - middle[:, None, None]) ** 2).sum(axis=-1)
-    nearest = apart.argmin(axis=-1)
-    state = np.arange(len(points))[:, None, None]
-    outward = np.array([-1.0, 1.0])[:, None, None] * to_right[state, nearest]
-    inner = points - wider_mm[state, nearest][..., None] * outward
+    nearest = ((points[:, :, :, None] - middle[:, None, None]) ** 2).sum(axis=-1).argmin(axis=-1)
+    station = (np.arange(len(points))[:, None, None], nearest)
+    tangent = direction[station]
+    beyond_mm = ((points - middle[station]) * tangent).sum(axis=-1)
+    beyond_mm[(nearest == middle.shape[1] - 1) & (beyond_mm > 0)] = 0.0  # the magnet does not twist
+    outward = np.array([1.0, -1.0])[:, None, None] * np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+    inner = points - (wider_mm[station] + slope[station] * beyond_mm)[..., None] * outward
     return replace(experiment, observed=replace(observed, points_mm=inner))
 
 
