@@ -24,7 +24,7 @@ from filelock import lock_descriptor, unlock_descriptor
 
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.paths import followed
-from eimi_lab.process.replacing import patiently
+from eimi_lab.process.replacing import patiently, remove
 
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
@@ -97,8 +97,7 @@ class WriterLock:
             unlock_descriptor(held.descriptor)  # closing is not enough if a forked process has the descriptor
             os.close(held.descriptor)
             if sys.platform == "win32":
-                with suppress(PermissionError):  # another program that takes the lock now has the lock file open
-                    self._file.unlink(missing_ok=True)
+                remove(self._file)  # the file stays if another program takes the lock now
 
 
 def lock_file(path: Path) -> Path:
