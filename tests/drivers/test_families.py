@@ -39,6 +39,15 @@ def test_a_kepco_is_never_switched_off_by_command(bench_of):
     assert bench.coil.state.set_current_A == 0.0
 
 
+@pytest.mark.parametrize("driver", ["kepco-bop", "kepco-bit4886"])
+def test_a_kepco_whose_output_is_off_is_switched_on(bench_of, driver):
+    bench = bench_of(f"{driver} in process")
+    bench.coil.switch(False)
+    bench.energise()
+    assert bench.coil.state.output
+    assert bench.supply.output_on()
+
+
 def test_a_trip_of_a_kepco_at_zero_current_is_noticed(bench_of):
     bench = bench_of("kepco-bop in process")
     bench.energise(0.0)
