@@ -22,14 +22,14 @@ from eimi_fitting.inference.evidence.objective import Evaluation
 from eimi_fitting.inference.evidence.parameter_priors import Prior
 from eimi_fitting.inference.evidence.polarity import has_both_polarities
 from eimi_fitting.inference.evidence.quantity import Quantity
-from eimi_fitting.inference.interval import draws, noise
+from eimi_fitting.inference.interval import draws, estimate, noise
 from eimi_fitting.inference.interval.considered import steps_of
 from eimi_fitting.inference.interval.covariance import Linearisation, LinearStates
 from eimi_fitting.inference.interval.cross_validation import held_out_error_mm
 from eimi_fitting.inference.interval.draws import draw_parameters, interval_95, normal_draws, rounded, thinned
 from eimi_fitting.inference.interval.estimate import _ends
 from eimi_fitting.inference.interval.identifiability import Direction, directions, held_by_bounds, is_open, statement
-from eimi_fitting.inference.interval.profile_likelihood import _End, moved_to
+from eimi_fitting.inference.interval.profile_likelihood import Ends, _End, moved_to
 from eimi_fitting.inference.searching import modulus_range
 from eimi_fitting.inference.searching.measured_rest_shape import MeasuredRestShape
 from eimi_fitting.inference.searching.modulus_range import NothingConverged, Scan, narrowed
@@ -683,6 +683,50 @@ def test_the_deviance_of_a_profile_is_zero_at_the_optimum_and_infinite_for_an_in
     assert values[0] == pytest.approx(0.0, abs=1e-9)
     assert values[1] == np.inf
     assert np.isfinite(scores).all()
+
+
+@pytest.mark.parametrize(
+    ("remaining", "unit", "not_fixed", "at_bound"),
+    [
+        ((0.9, 0.9), (0.5, 0.4), ("mu",), ()),
+        ((0.1, 0.9), (0.0005, 0.4), (), ("mu",)),
+        ((0.1, 0.1), (0.9995, 0.0), (), ("mu",)),
+    ],
+)
+def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
+    monkeypatch: pytest.MonkeyPatch,
+    remaining: tuple[float, float],
+    unit: tuple[float, float],
+    not_fixed: tuple[str, ...],
+    at_bound: tuple[str, ...],
+) -> None:
+    """The second unknown is a nuisance, an uncertain input that the fit determines; its prior limits it."""
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(estimate, "statement", lambda *arguments: given.update(statement=arguments) or "words")
+    monkeypatch.setattr(estimate, "held_by_bounds", lambda *arguments: given.update(held=arguments) or np.array([True]))
+    space = SimpleNamespace(names=("mu",), law=SimpleNamespace(parameter_names=("mu",)))
+    unknowns = SimpleNamespace(
+        names=("mu", "width"), searched=1, space=space, parameters=lambda units: 2e4 * units[:, :1], ratios=()
+    )
+    about, covariance = evidence(unit), np.array([[0.04, 0.012], [0.012, 0.09]])
+    found = estimate._identifiability(
+        SimpleNamespace(unknowns=unknowns, priors=("a prior",)),  # type: ignore[arg-type]
+        about,
+        noise.Explained(about.states, about.hessian, 0.49),
+        covariance,
+        np.array(remaining),
+        Ends(np.zeros(2), np.ones(2), (1,)),
+        Quantity(2e4, "Pa", (1.9e4, 2.1e4), (1.9e4, 2.1e4)),
+    )
+    slopes, of_covariance, is_open_coordinate = given["held"]
+    np.testing.assert_allclose(slopes, [[2e4, 0.0]], rtol=1e-9)
+    assert of_covariance is covariance
+    assert is_open_coordinate.tolist() == [bool(not_fixed), False]
+    assert (found.not_fixed, found.at_bound, found.held_by_bounds) == (not_fixed, at_bound, ("mu",))
+    assert (found.statement, found.profiled, found.stated_squares) == ("words", ("width",), 0.49)
+    np.testing.assert_allclose(found.correlation, [[1.0, 0.2], [0.2, 1.0]])
+    assert given["statement"][1:3] == (1, not_fixed)
+    assert given["statement"][-1] is True
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:

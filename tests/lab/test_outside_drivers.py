@@ -121,6 +121,16 @@ def test_a_whole_run_works_with_announced_drivers(outside: Path, files: Path, ri
         assert [state.current_A for state in dataset.states] == pytest.approx([0.0, 0.1, 0.2, 0.3], abs=0.005)
 
 
+def test_a_driver_that_is_too_large_for_the_argument_of_a_process_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SUPPLIES, "added", lambda: {"korad"})
+    packed = pack("korad")
+    monkeypatch.setattr("eimi_lab.acquisition.added_driver.LONGEST_ARGUMENT", len(packed))
+    assert pack("korad") == packed
+    monkeypatch.setattr("eimi_lab.acquisition.added_driver.LONGEST_ARGUMENT", len(packed) - 1)
+    with pytest.raises(UnusableDriver, match="the supply driver 'korad' is too large to be sent to the process that"):
+        pack("korad")
+
+
 @pytest.mark.usefixtures("added")
 def test_a_whole_run_works_with_added_drivers(files: Path, rig: Callable[..., Path]) -> None:
     coil = CoilSupply(WallClock())
