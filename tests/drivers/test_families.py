@@ -120,6 +120,13 @@ def test_a_bit4886_keeps_its_output_on_and_limits_the_voltage_of_both_signs(benc
     assert b"VOLT:PROT:POS 12.00\n" not in bench.sent
 
 
+def test_a_genesys_asks_for_its_rating_once(bench_of):
+    bench = bench_of("genesys in process")
+    for _ in range(2):
+        assert bench.supply.reads_zero_within_A == pytest.approx(0.003 * 50.0)  # 0.3 % of the rated 50 A
+    assert sum(message.startswith(b"IDN?") for message in bench.sent) == 1
+
+
 def test_a_genesys_is_addressed_again_after_it_did_not_answer():
     clock = SimulatedClock()
     coil = CoilSupply(clock)

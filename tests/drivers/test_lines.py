@@ -326,6 +326,16 @@ def test_a_visa_read_ends_at_its_byte_and_its_time(
     assert resource.calls[-1] == ("read", 99, timeout_ms, bool(end), end.decode() or None)
 
 
+def test_a_visa_line_is_closed_before_it_is_opened_again(resources: list[tuple[str, int, Resource]]) -> None:
+    line = VisaTransport("TCPIP::h::INSTR")
+    assert line.reopen() is True
+    (_, _, first), (name, _, second) = resources
+    assert first.calls[-1] == ("close",)
+    assert name == "TCPIP::h::INSTR"
+    line.write(b"?\n")
+    assert second.calls[-1] == ("write", b"?\n", 2000)
+
+
 def test_a_visa_timeout_leaves_the_line_open_and_another_error_closes_it(
     resources: list[tuple[str, int, Resource]],
 ) -> None:

@@ -12,6 +12,8 @@ from eimi_drivers.cameras.settings import CameraSettings
 from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators.sensors import EmulatedQuantity, emulate_sensor
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentError, Limits, SetPointNotTaken, UnusableDriver
+from eimi_drivers.sensors import SENSORS
+from eimi_drivers.sensors import base as sensor_base
 from eimi_drivers.sensors.sensor_names import open_with as open_sensor_with
 from eimi_drivers.supplies import SUPPLIES
 from eimi_drivers.supplies.supply_names import open_with as open_supply_with
@@ -187,3 +189,22 @@ def test_an_emulated_quantity_has_the_given_noise_and_seed() -> None:
     mean = sum(values(1, 0.1)) / 1000
     assert mean == pytest.approx(2.5, abs=0.02)
     assert math.sqrt(sum((value - mean) ** 2 for value in values(1, 0.1)) / 999) == pytest.approx(0.1, rel=0.1)
+
+
+SERIAL_LINES = {  # speed (bit/s), data bits and parity, from the manuals
+    "lakeshore-425": (57600, 7, "O"),
+    "lakeshore-475": (9600, 7, "O"),
+    "fwbell-5080": (2400, 8, "N"),
+    "text-line": (115200, 8, "N"),
+}
+
+
+@pytest.mark.parametrize("driver", SENSORS)
+def test_a_sensor_is_opened_on_its_serial_line_or_by_visa(monkeypatch: pytest.MonkeyPatch, driver: str) -> None:
+    opened: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(sensor_base, "SerialTransport", lambda *arguments: opened.append(arguments))
+    monkeypatch.setattr(sensor_base, "VisaTransport", lambda *arguments: opened.append(arguments))
+    kind: Any = SENSORS[driver]
+    kind.connect("/dev/ttyX")
+    kind.connect("USB0::1::2::INSTR")
+    assert opened == [("/dev/ttyX", *SERIAL_LINES[driver]), ("USB0::1::2::INSTR",)]

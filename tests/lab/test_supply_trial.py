@@ -258,6 +258,17 @@ def test_every_step_of_a_trial_has_its_outcome(
     ]
 
 
+def test_a_supply_whose_driver_measures_nothing_at_the_end_is_measured_by_the_trial(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    safe_off = SUPPLIES["aim-tti"].safe_off
+    monkeypatch.setattr(SUPPLIES["aim-tti"], "safe_off", lambda self: safe_off(self) and None)
+    trial, coil, _ = simulated()
+    assert trial.passed
+    assert trial.steps[-2].outcome == "0.0000 A measured; the output counts as off at 0.02 A or less"
+    assert not coil.state.output
+
+
 def test_a_driver_that_refuses_no_current_is_noticed_before_the_output_is_on(
     simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
