@@ -293,3 +293,13 @@ def test_the_types_of_messages_and_of_their_answers_are_those_of_hislip() -> Non
     assert (hislip.INITIALIZE, hislip.DATA, hislip.DATA_END) == (0, 6, 7)
     assert (hislip.ASYNC_MESSAGE_SIZE, hislip.ASYNC_INITIALIZE) == (15, 17)
     assert hislip.ANSWER_TO == {0: 1, 15: 16, 17: 18}
+
+
+@pytest.mark.parametrize("driver", ["keysight-e36312a", "keysight-n6700"])
+def test_an_emulated_over_current_protection_is_on_or_off(driver: str) -> None:
+    instrument = emulate(driver, CoilSupply(SimulatedClock()))
+    answers = []
+    for state in (b"ON", b"OFF", b"1", b"0"):
+        instrument.receive(b"CURR:PROT:STAT %s, (@1)\n" % state)
+        answers.append(instrument.receive(b"CURR:PROT:STAT? (@1)\n"))
+    assert answers == [b"1\n", b"0\n", b"1\n", b"0\n"]

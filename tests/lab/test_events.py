@@ -21,11 +21,12 @@ from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.faults import Fault as LineFault
 from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
-from eimi_drivers.interfaces import InstrumentDisconnected, SwitchOffFailed
+from eimi_drivers.interfaces import InstrumentDisconnected, Off, SwitchOffFailed
 from eimi_lab.acquisition.event_lines import EventLines, from_line, to_line
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import (
     EVENTS,
+    FOUND_OFF,
     ConditioningDone,
     EmulatedSupplyGone,
     Event,
@@ -51,6 +52,7 @@ from eimi_lab.acquisition.events import (
     StopRequested,
     SuspendRefused,
     Warned,
+    off_confirmed,
 )
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
@@ -351,6 +353,16 @@ def test_the_guardian_of_a_killed_run_continues_the_events(bench: Path) -> None:
     assert isinstance(off, OffConfirmed)
     assert (off.by, off.takeover) == ("guardian", "run_died")
     assert f"eimi guardian: {in_words(off)}" in messages
+
+
+def test_a_supply_that_cannot_measure_is_off_as_commanded() -> None:
+    assert off_confirmed(None, "guardian", "run_died", True, "COM3", "; late") == OffConfirmed(
+        **{"by": "guardian", "determined_by": "commanded", "takeover": "run_died", "run_killed": True},
+        **{"address": "COM3", "remark": "; late"},
+    )
+    measured = off_confirmed(Off(0.01, 0.02, found_off=True), "run")
+    assert (measured.determined_by, measured.current_A, measured.limit_A) == ("measured", 0.01, 0.02)
+    assert measured.remark == FOUND_OFF
 
 
 @pytest.mark.parametrize("kind", EVENTS)
