@@ -6,10 +6,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from eimi_drivers.interfaces import InstrumentError
+from eimi_lab.acquisition import supply_lock
 from eimi_lab.acquisition.supply_lock import only_run_on
 from eimi_lab.process.awake import kept_awake
 from tests.patience import PATIENCE_S
@@ -83,3 +85,13 @@ def test_a_system_without_a_way_to_inhibit_sleep_is_no_error(tmp_path: Path, mon
     monkeypatch.setenv("PATH", str(tmp_path))
     with kept_awake("a run"):
         pass
+
+
+def test_the_names_of_one_serial_port_share_one_lock(monkeypatch: pytest.MonkeyPatch) -> None:
+    locks: list[object] = []
+    monkeypatch.setattr(supply_lock, "WriterLock", lambda path: SimpleNamespace(release=lambda: locks.append(path)))
+    for address in ("/dev/ttyEIMI", "ASRL/dev/ttyEIMI::INSTR", "/dev/../dev/ttyEIMI#2", "/dev/ttyeimi", "COM3", "com3"):
+        with only_run_on(address):
+            pass
+    assert locks[0] == locks[1] == locks[2] != locks[3]
+    assert locks[4] == locks[5] not in locks[:4]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import h5py
 import numpy as np
@@ -15,6 +16,7 @@ from eimi_lab.acquisition.dry_run import dry_run
 from eimi_lab.acquisition.event_words import in_words
 from eimi_lab.acquisition.events import Event, Paused, Warned
 from eimi_lab.acquisition.open_bench import open_bench
+from eimi_lab.acquisition.polarity import Polarity
 from eimi_lab.acquisition.run import acquire
 from eimi_lab.config.materials import TrueMaterials
 from eimi_lab.config.protocol import Protocol, load_protocol
@@ -205,3 +207,28 @@ def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus
     assert fit.initial_shear_modulus.value == pytest.approx(46390.0, rel=0.01)
     low, high = fit.initial_shear_modulus.interval_95
     assert low < 46390.0 < high
+
+
+def test_a_relay_swaps_the_leads_without_current_and_the_run_goes_back_through_its_states() -> None:
+    done: list[Any] = []
+    coil = SimpleNamespace(
+        leads_swapped=False,
+        ramp_to=lambda current_A, stop: done.append(("ramp", current_A)),
+        wait_until_reached=lambda stop: done.append("reached"),
+    )
+    run: Any = SimpleNamespace(
+        protocol=SimpleNamespace(currents_A=[0.0, 0.5, -0.5]),
+        coil=coil,
+        go_back_to=lambda state, stop: done.append(("back to", state)),
+    )
+    polarity = Polarity(cast(Any, object()), lambda: done.append("relay"))
+    assert not polarity.prepare(run, 0, lambda: None)
+    assert not polarity.prepare(run, 1, lambda: None)
+    assert done == []
+    assert polarity.prepare(run, 2, lambda: None)
+    assert done == [("ramp", 0.0), "reached", "relay", ("back to", 2)]
+    assert coil.leads_swapped
+    assert not polarity.prepare(run, 2, lambda: None)
+    assert polarity.prepare(run, 1, lambda: None)
+    assert not coil.leads_swapped
+    assert not Polarity(None, lambda: done.append("relay")).prepare(run, 2, lambda: None)
