@@ -80,7 +80,7 @@ def indexed(folder: Path) -> Iterator[set[tuple[str, int]]]:
     ended = threading.Event()
 
     def index() -> None:
-        while not ended.wait(0.02):
+        while not ended.wait(0.05):
             for path in folder.rglob("*"):
                 with suppress(OSError):
                     mark = (str(path), path.stat().st_mtime_ns)
