@@ -305,12 +305,28 @@ def time(axes: Axes) -> None:
     axes.set_yticks([0.0], ["rest"])
 
 
+def causes(axes: Axes) -> None:
+    """Draw residuals along the beam and the signatures of three causes. One signature fits the residuals."""
+    random = np.random.default_rng(2)
+    place = np.linspace(0, 1, 41)
+    axes.plot(place, place + random.normal(0, 0.07, place.size), "k.", label="residuals")
+    for signature, colour, words in (
+        (place, BLUE, "clamp turned: has the shape of the residuals"),
+        (place**2, ORANGE, "wrong scale: grows with the deflection"),
+        (np.full_like(place, 0.5), GREEN, "clamp shifted: the same everywhere"),
+    ):
+        axes.plot(place, signature, color=colour, lw=1.8, label=words)
+    axes.set(xlabel="place along the beam, from the clamp", ylabel="residual", xticks=[], yticks=[0], ylim=(-0.2, 1.8))
+    axes.legend(loc="upper left", fontsize=8, frameon=False)
+
+
 SKETCHES: dict[str, tuple[Drawing, tuple[float, float]]] = {
     "physics": (physics, (5.4, 3.9)),
     "section": (section, (7.4, 2.0)),
     "metric": (metric, (5.6, 3.3)),
     "statistics": (statistics, (5.4, 2.8)),
     "edges": (edges, (5.4, 2.9)),
+    "causes": (causes, (5.4, 2.8)),
     "time": (time, (5.4, 2.6)),
     "planning": (planning, (5.4, 2.4)),
     "verification": (verification, (5.0, 3.0)),
