@@ -91,7 +91,7 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_faint",
-        quantity="mean evidence for the beam along the followed path, if both edges were found with certainty on 95 "
+        quantity="mean evidence for the beam along the followed path, if both edges were found with certainty on 90 "
         "% of it and the path ends near the tip",
         limit=0.2,
         below=True,
@@ -105,10 +105,21 @@ FOLLOWED = (
     Check(
         name="NOT_FOLLOWED",
         finding="followed_begin",
-        quantity="distance from the clamp to the first place at which both edges were found with certainty, in beam "
-        "widths",
+        quantity="distance from the clamp to the first place at which both edges were found with certainty, less a "
+        "tenth of the followed path, in beam widths",
         limit=1.5,
         remedy="Check clamp_midpoint_px and axis_angle_deg: the beam should begin there, but its edges are unclear.",
+    ),
+    Check(
+        name="NOT_FOLLOWED",
+        finding="followed_late",
+        quantity="distance from the clamp to the first place at which both edges were found with certainty, less a "
+        "tenth of the followed path, in beam widths, if both edges are clear and without gaps from there on",
+        limit=1.5,
+        remedy="See in the overlay what hides the edges near the clamp, and check clamp_midpoint_px and "
+        "axis_angle_deg: a fit uses only the followed part.",
+        severity=Severity.DOUBTFUL,
+        unusable_beyond=3.0,
     ),
     Check(
         name="WIDTH_ANOMALY",

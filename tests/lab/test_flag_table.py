@@ -55,6 +55,7 @@ ROWS = {
     "followed_gain": Row("NOT_FOLLOWED", 0.2, "unusable", below=True),
     "followed_faint": Row("NOT_FOLLOWED", 0.2, "doubtful", 0.0, below=True, adds=(0.1, 0.01, "width")),
     "followed_begin": Row("NOT_FOLLOWED", 1.5, "unusable"),
+    "followed_late": Row("NOT_FOLLOWED", 1.5, "doubtful", 3.0),
     "followed_width": Row("WIDTH_ANOMALY", 0.1, "doubtful", 0.21, adds=(0.2, 0.1, "width")),
     "followed_beyond": Row("LENGTH_ANOMALY", 1.15, "doubtful"),
     "followed_narrowing": Row("WIDTH_ANOMALY", 0.4, "unusable"),

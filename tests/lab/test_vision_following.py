@@ -8,6 +8,7 @@ from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import segmentation
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.virtual.raster import coverage
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
@@ -20,7 +21,7 @@ from eimi_lab.vision.following.explaining import draw_steps
 from eimi_lab.vision.following.support import sure_share
 from tests.shared import lab_photographs, photographs, real_pictures
 from tests.shared.flag_pictures import CASES
-from tests.shared.photographs import CALIBRATION, KINDS, SPECIMEN, measured, photograph
+from tests.shared.photographs import CALIBRATION, KINDS, SIZE, SPECIMEN, measured, photograph
 
 DEVELOPMENT = list(real_pictures.pictures("development"))
 REFUSAL = list(real_pictures.pictures("refusal"))
@@ -131,6 +132,20 @@ def test_a_clipped_reflection_on_an_edge_is_flagged():
     names = [[flag.name for flag in find_edges(image, CALIBRATION, SPECIMEN).flags] for image in (photo.image, shining)]
     assert "HOLE_OR_REFLECTION" not in names[0]
     assert "HOLE_OR_REFLECTION" in names[1]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_coloured_tape_near_the_clamp_does_not_hide_the_rest_of_the_beam(seed):
+    colours = np.array([[110.0, 120.0, 100.0], [175.0, 180.0, 170.0]])
+    photo = photograph("clutter", np.random.default_rng([7, seed]), colours=colours)
+    tape = BeamFrame(CALIBRATION).to_px([[0.9, -1.6], [0.9, 1.6], [1.6, 1.6], [1.6, -1.6]])
+    red = np.array([40.0, 40.0, 230.0])
+    taped = photo.image + coverage(tape, SIZE)[..., None] * (red - photo.image)
+    image = np.rint(cv2.GaussianBlur(taped, (0, 0), 0.8)).astype(np.uint8)
+    outcome = measured(photo, find_edges(image, CALIBRATION, SPECIMEN), 0.0)
+    assert outcome.usable
+    assert outcome.rms_px < 0.3
+    assert outcome.coverage > 0.8
 
 
 @pytest.mark.parametrize("number", [0, 9])

@@ -178,15 +178,14 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
     template = hypothesis.inside_of(colours)
     squares = ((line_colours - colours) ** 2)[:, :, 3:12].sum(axis=3).mean(axis=(0, 2))
     scatter = squares * len(lines) / (len(lines) - 1)
-    lateral = template.var(axis=1).sum(axis=1)
-    variance = hypothesis.least_variance(picture) + scatter + 0.15 * lateral
+    variance = hypothesis.assumed_variance(hypothesis.least_variance(picture), scatter, template)
     score = hypothesis.side_support(colours, variance) - _NEEDED
     score -= _implausible(np.zeros(len(bend)), wide / width, bend, width)
     score -= 0.5 * (offset / aside) ** 2  # the clamp is close to its stated place
     if polarity is not None:
         brighter = hypothesis.brightness_step(colours) > 0.0
         score = np.where(brighter == (polarity == "bright"), score, -_OTHER_POLARITY)
-    return Hypotheses(root, angle, bend, wide, template, variance, score)
+    return Hypotheses(root, angle, bend, wide, template, variance, variance, score)
 
 
 def _extended(
@@ -222,7 +221,7 @@ def _extended(
     colours = read[0] if lines == 1 else np.stack(read).mean(axis=0)
     variance = strips.variance[:, None]
     gain = hypothesis.side_support(colours, variance) - _NEEDED
-    gain -= 0.42 * hypothesis.misfit(colours, strips.template[:, None], variance)
+    gain -= 0.42 * hypothesis.misfit(colours, strips.template[:, None], strips.tolerance[:, None])
     gain -= 0.6 * (_MORE_ASIDE / 0.35) ** 2
     gain -= _implausible(_MORE_BEND, width / picture.beam.width_px, bend, picture.beam.width_px)
     if picture.beam.line is not None:
@@ -233,11 +232,17 @@ def _extended(
     best = _best_of_each_cell(x.ravel(), y.ravel(), angle.ravel(), score.ravel(), picture.beam.width_px)
     parents = best // len(_MORE_BEND)
     place = np.column_stack([x.ravel()[best], y.ravel()[best]])
-    template = hypothesis.updated_templates(
-        colours.reshape(-1, *colours.shape[2:])[best], strips.template[parents], strips.variance[parents]
+    template, variances = hypothesis.updated_templates(
+        colours.reshape(-1, *colours.shape[2:])[best],
+        strips.template[parents],
+        strips.tolerance[parents],
+        strips.variance[parents],
+        hypothesis.least_variance(picture),
     )
     bends, widths, scores = bend.ravel()[best], width.ravel()[best], score.ravel()[best]
-    grown = Hypotheses(place, angle.ravel()[best], bends, widths, template, strips.variance[parents], scores)
+    grown = Hypotheses(
+        place, angle.ravel()[best], bends, widths, template, strips.tolerance[parents], variances, scores
+    )
     return grown, parents, gain.ravel()[best]
 
 

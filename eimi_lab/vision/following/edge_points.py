@@ -259,7 +259,8 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
         kept = inliers
         offset, freedom = _off_smooth_line(points, kept)
     relative = np.clip(sensitivity / np.median(sensitivity[kept]), 0.5, 3.0)
-    scatter = float(np.sqrt(((offset[kept] / relative[kept]) ** 2).sum() / freedom))
+    relative /= np.sqrt((relative[kept] ** 2).mean())  # the scatter of texture does not grow with the sensitivity
+    scatter = float(np.sqrt((offset[kept] ** 2).sum() / freedom))
     return points, np.maximum(scatter * relative, _LEAST_SIGMA_PX), kept
 
 

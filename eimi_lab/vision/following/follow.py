@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 
 NARROWEST_PX = 6.0  # width of a beam: inside a narrower one no pixel is clear of both edges
 _FIFTHS = 5  # stretches whose widths are compared
-_UNBROKEN = 0.95  # of the path from the clamp, on which either edge is sure
+_UNBROKEN = 0.9  # of the path from the first sure place, on which either edge is sure
+_UNSEEN = 0.1  # of the path from the clamp, in which no edge needs to be sure
 _TO_TIP = 0.8  # of the stated length, which is known to a tenth, and the tip of a beam is rounded
 _CLEAR_GAIN = 0.5
 _CLEAR_CONTRAST = 6.0  # standard deviations
@@ -171,7 +172,8 @@ def _findings(
     length = float(unrolled.along[sides.end - 1] * beam.width_px / beam.length_px)
     contrast = float(min(np.median(side.separation[: sides.end]) for side in sides.projected))
     gain = float(strip.gain.mean())
-    unbroken = bool(sides.sound[:, : sides.end].mean(axis=1).min() > _UNBROKEN)
+    unbroken = bool(sides.sound[:, first : sides.end].mean(axis=1).min() > _UNBROKEN)
+    begin = max(0.0, float(unrolled.along[first] - _UNSEEN * unrolled.along[sides.end - 1]))
     clear = unbroken and gain > _CLEAR_GAIN and contrast > _CLEAR_CONTRAST
     return {
         "followed_stretch" if clear else "followed_length": length,
@@ -179,7 +181,7 @@ def _findings(
         **sure_share(sides.sound[:, first : sides.end]),
         "followed_contrast": contrast,
         "followed_faint" if unbroken and length > _TO_TIP else "followed_gain": gain,
-        "followed_begin": float(unrolled.along[first]),
+        "followed_late" if clear else "followed_begin": begin,
         "followed_width": abs(float(np.log(np.median(width)))),
         "followed_narrowing": _narrowing(width),
         "followed_change": _change(width),

@@ -33,6 +33,7 @@ _CERTAIN = 9.0  # three standard deviations, squared: evidence at which the supp
 _LARGEST_MISFIT = 2.0
 _ROWS = 30_000  # cv2.remap accepts no larger array
 _LEARNING = 0.12  # share by which the remembered colours change in a step: light changes slowly along the beam
+_LATERAL = 0.15  # share of the variance across the strip: a round beam is shaded, and this is not noise
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,12 @@ class Hypotheses:
         Width of the strip.
     template : ndarray, shape (n, 9, channels)
         Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
+    tolerance : ndarray, shape (n,)
+        Variance of a colour near the clamp, summed over the channels. Colours that differ by less than three standard
+        deviations count as equal.
     variance : ndarray, shape (n,)
-        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
-        as equal.
+        Smallest variance of a colour since the clamp, summed over the channels, with which the steps at the sides of
+        the strip are compared.
     score : ndarray, shape (n,)
         Sum of the gains of all search steps. A gain is the evidence for the beam, less the costs of bends.
     """
@@ -63,6 +67,7 @@ class Hypotheses:
     bend: Array
     width: Array
     template: NDArray[np.float32]
+    tolerance: Array
     variance: Array
     score: Array
 
@@ -172,11 +177,14 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 
 
 def updated_templates(
-    colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array
-) -> NDArray[np.float32]:
-    """Return the remembered colours of strips (bands that may show the beam) after another step of the search.
+    colours: NDArray[np.float32], template: NDArray[np.float32], tolerance: Array, variance: Array, least: float
+) -> tuple[NDArray[np.float32], Array]:
+    """Return the remembered colours and the variances of strips after another step of the search.
 
-    A remembered colour moves by 12 % toward the present colour if the two colours count as equal.
+    A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
+    colours count as equal. A variance moves by 12 % toward the variance of the present colours if the latter is
+    smaller. The search begins at the clamp, where a clip, a tape or glue may have more colours than the beam. The
+    variance never increases, so that the edges remain clear behind a body that crosses the beam.
 
     Parameters
     ----------
@@ -184,17 +192,34 @@ def updated_templates(
         Present colours across n strips.
     template : ndarray, shape (n, 9, channels)
         Remembered colours.
-    variance : ndarray, shape (n,)
-        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
-        as equal.
+    tolerance, variance : ndarray, shape (n,)
+        Variances of a colour; see `Hypotheses`.
+    least : float
+        Smallest variance that is assumed for a colour (`least_variance`).
 
     Returns
     -------
-    ndarray, shape (n, 9, channels)
+    template : ndarray, shape (n, 9, channels)
+        The new remembered colours.
+    variance : ndarray, shape (n,)
+        The new variances.
     """
     present = colours[:, _INSIDE]
-    same = ((present - template) ** 2).sum(axis=2) < _CERTAIN * variance[:, None]
-    return np.asarray(template + np.where(same[..., None], _LEARNING * (present - template), 0.0), dtype=np.float32)
+    squares = ((present - template) ** 2).sum(axis=2)
+    same = squares < _CERTAIN * tolerance[:, None]
+    moved = template + np.where(same[..., None], _LEARNING * (present - template), 0.0)
+    scatter = (same * squares).sum(axis=1) / np.maximum(same.sum(axis=1), 1)
+    fall = variance - assumed_variance(least, scatter, present)
+    return np.asarray(moved, dtype=np.float32), variance - _LEARNING * np.maximum(fall, 0.0)
+
+
+def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
+    """Return the variance that is assumed for a colour of each of n strips, summed over the channels, shape (n,).
+
+    A strip is a band that may show the beam. least: smallest variance. scatter: variance of the colours along each
+    strip, shape (n,). inside: colours at nine points inside each strip, shape (n, 9, channels).
+    """
+    return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:

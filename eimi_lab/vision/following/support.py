@@ -23,6 +23,8 @@ _ARM = 0.25  # widths on both sides of a station, over which the turn of an edge
 _SHARPEST = 0.5  # rad: a beam of the largest allowed curvature turns by 0.4; a larger turn is a shoulder
 _LEVER = 1.5  # widths before a gap that determine the direction
 _SHORTEST = 0.2  # widths: a shorter run of sure stations is rejected
+_NOTCH = 0.25  # widths: a shorter gap of one edge, beside which the other edge is sure, is a notch in the same body
+_NOTCH_LEAP = 0.15  # widths by which the width may differ behind a notch
 _LEAP = 0.1  # widths by which the width may differ behind a gap
 _ASIDE = 0.12  # widths by which an edge behind a gap may lie beside its straight continuation
 _STRAY = 0.25  # widths that are added to both for each width of the gap
@@ -184,7 +186,10 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     later run lies near the straight continuation of the earlier run. Second, the beam has about the same width in both
     runs. The tolerances of both conditions grow with the length of the gap.
 
-    These two conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
+    The first condition is not checked at a notch: a gap shorter than a quarter of a width, in which the other edge is
+    sure. The segments of a soft arm, and the folds of a bellows, have notches.
+
+    These conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
     near the clamp that interrupts a long edge.
 
     Parameters
@@ -212,8 +217,10 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
         longest = run[:0]
         for before in chains:
             gap = float(np.linalg.norm(seam[begin] - seam[before[-1]])) / scale
-            goes_on = _as_wide(width[before[-near:]], width[run[:near]], gap)
-            if len(before) > len(longest) and goes_on and _leads_to(seam[before], seam[run], scale, lever):
+            widths = width[before[-near:]], width[run[:near]]
+            notch = gap < _NOTCH and bool(np.isfinite(width[before[-1] : begin + 1]).all())
+            goes_on = _as_wide(*widths, gap, _NOTCH_LEAP if notch else _LEAP)
+            if len(before) > len(longest) and goes_on and (notch or _leads_to(seam[before], seam[run], scale, lever)):
                 longest = before
         chains.append(np.concatenate([longest, run]))
     kept = np.zeros(len(sound), dtype=bool)
@@ -221,16 +228,17 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     return kept
 
 
-def _as_wide(before: Array, after: Array, gap: float) -> bool:
+def _as_wide(before: Array, after: Array, gap: float, leap: float) -> bool:
     """Return whether the beam has about the same width before and after a gap in one of its edges.
 
-    The widths and the length of the gap are in nominal widths. Unknown widths are NaN. The result is True if fewer than
+    The widths and the length of the gap are in nominal widths, and `leap` is the permitted difference of the widths,
+    without the part that grows with the gap. Unknown widths are NaN. The result is True if fewer than
     three widths are known before or after the gap.
     """
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if min(len(before), len(after)) < 3:
         return True
-    return bool(abs(np.median(after) - np.median(before)) < _LEAP + _STRAY * gap)
+    return bool(abs(np.median(after) - np.median(before)) < leap + _STRAY * gap)
 
 
 def _leads_to(before: Array, after: Array, scale: float, lever: int) -> bool:
