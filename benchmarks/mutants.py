@@ -271,10 +271,11 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown: for each list, the number of tried mistakes and the number of caught mistakes.
+    """Return the lines of a Markdown table with the numbers of tried and of caught mistakes.
 
-    A mistake is a deliberate change of the code, and is caught if a test fails. `outcomes` contains "caught",
-    "survived" or "broken" by the key of each mistake that was tried.
+    A mistake is a deliberate change of the code, and is caught if a test fails. The table has one row for each list of
+    mistakes (a file in benchmarks/mistakes), and a row for all lists. `outcomes` contains "caught", "survived" or
+    "broken" for the key of each mistake that was tried. Mistakes without an outcome are not counted.
     """
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 

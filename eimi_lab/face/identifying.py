@@ -185,7 +185,8 @@ def fit(
     section : "solid", "plane-strain" or "plane-stress"
         How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        Use also states with a flag, the name of a defect, that makes a state unusable.
+        True to use also the states that a flag (a failed quality check) marks as unusable. They are left out by
+        default.
     free : str or sequence of str
         Uncertain quantity that is estimated together with the law, such as ``"width=0.02"``. The number is the standard
         deviation of the quantity in mm, in degrees or as a fraction. Without a number, the standard uncertainty in the

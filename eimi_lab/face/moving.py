@@ -206,16 +206,22 @@ def read_motions(
     calibration : str, Path or Calibration, optional
         The calibration, if the user gives a calibration.
     changes : mapping
-        New values, which replace the values in the calibration.
+        New values by key, which replace values of the calibration of a video, such as ``clamp_midpoint_px``. A video
+        without a calibration needs the key ``picture`` with ``along_px``, the points on the beam.
     tool : str, optional
         Name of the tracking program.
     placing : callable
-        Function that returns, for a calibration or None, how coordinates of the tracking program are converted into
-        the beam frame.
+        Function of the calibration, or of None if there is no calibration. It returns the `Placing`, the information
+        that is needed to convert the coordinates of the tracking program into the beam frame.
     has_gravity_direction : bool
         Whether the user gives the direction of gravity in the beam frame, or says that gravity does not bend the beam.
     output : Path
         The dataset. If points on the beam are missing, a picture with rulers is written to the same folder.
+
+    Returns
+    -------
+    ReadMotions
+        The motions, and the calibration that was used; the calibration is None for tracked points without one.
 
     Raises
     ------

@@ -51,7 +51,10 @@ class Validations:
         return ValidationFile(validations=tuple(self)).model_dump(mode="json")
 
     def residuals(self, index: int = 0) -> Residuals:
-        """Return the distances between the measured edges and the simulated edges of the prediction with this index."""
+        """Return the distances (mm) of the measured points of one prediction from the simulated beam.
+
+        ``index`` is the position of the prediction in this object, counted from 0.
+        """
         prediction = self.predictions[index]
         return Residuals.of(prediction.evidence, prediction.residuals_mm)
 

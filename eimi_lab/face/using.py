@@ -165,7 +165,8 @@ def validate(
     section : "solid", "plane-strain" or "plane-stress"
         How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        Use also states with a flag, the name of a defect, that makes a state unusable.
+        True to use also the states that a flag (a failed quality check) marks as unusable. They are left out by
+        default.
     output : str or Path
         File validation.json for the result; None to write no file.
     force : bool

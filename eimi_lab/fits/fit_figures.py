@@ -55,8 +55,9 @@ def drawn_errors(
 ) -> Drawing:
     """Draw the error of a fit in each state (mm) against the field (mT).
 
-    Bars show the standard deviation of the distances in each state (mm). If the field is constant, the errors are drawn
-    against the index of the state.
+    The error is the root mean square distance of the measured points from the simulated points. The bars show the
+    standard deviation of these distances (mm). If the field is constant, the errors are drawn against the index of the
+    state.
     """
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)

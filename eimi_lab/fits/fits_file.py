@@ -143,7 +143,9 @@ def read_fits_file(path: str | Path) -> Fits:
     try:
         return Fits.model_validate(content)
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}; {_EXPECTED}; fit again if the file is older") from error
+        raise InputError(
+            f"{path}: {first_fault(error)}; {_EXPECTED}; if an older release wrote it, fit again"
+        ) from error
 
 
 def first_fault(error: ValidationError) -> str:

@@ -96,10 +96,12 @@ class Prediction(Generic[Law]):
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
     """Simulate several fits on a dataset together, which takes less time than separate simulations.
 
-    Each fit is simulated with a planar beam model, and the result is corrected for the depth of the beam. The
-    correction of one fit starts from the corrections of the previous fits, because similar fits have similar
-    corrections. If a correction is too large to be interpolated, the beam model with a solid section has to be solved
-    in all states. The function then yields None, and `simulate_alone` simulates this fit.
+    Each fit is first simulated with a planar beam model. A better beam model then corrects the result: a planar model
+    with a finer mesh or, for the section "solid", a three-dimensional model. The three-dimensional model is solved in
+    a few states, and the correction of the other states is interpolated. The correction of one fit starts from the
+    corrections of the previous fits, because similar fits have similar corrections. If the interpolation fails, the
+    three-dimensional model has to be solved in all states. The function then yields None, and `simulate_alone`
+    simulates this fit.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     Raises
     ------
     InputError
-        If a law was fitted to this dataset with another section assumption.
+        If a law was fitted to this dataset with another model of the cross-section.
     """
     near: list[Correction] = []
     for fitted_law, plain in zip(laws, _planar_comparisons(evidence, [law.fit for law in laws]), strict=True):

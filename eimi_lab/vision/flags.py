@@ -285,7 +285,7 @@ def judge(
     """
     limits = limits or {}
     if unknown := (findings.keys() | limits.keys()) - CHECK_OF.keys():
-        raise KeyError(f"the table of flags has no check of {', '.join(sorted(unknown))}")
+        raise KeyError(f"no quality check has the key {', '.join(sorted(unknown))}")
     raised = []
     for check in CHECKS:
         value, limit = findings.get(check.finding), limits.get(check.finding, check.limit)

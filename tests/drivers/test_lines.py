@@ -279,7 +279,10 @@ def lost_error() -> Exception:
 
 @pytest.fixture
 def resources(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int, Resource]]:
-    """Replace the resource manager of PyVISA; the list holds name, time limit (ms) and resource of each opening."""
+    """Replace the resource manager of PyVISA; return a list that records each opened resource.
+
+    An entry contains the name, the time limit for opening (ms) and the resource.
+    """
     calls: list[tuple[str, int, Resource]] = []
 
     def open_resource(name: str, open_timeout: int) -> Resource:

@@ -191,7 +191,7 @@ def test_no_finer_model_is_solved_if_the_planar_one_has_no_equilibrium(
         (
             ("train.h5", "--fit", "earlier.json", "-o", "v.json"),
             "earlier.json: fits.0.mesh: Field required; expected a "
-            "file that `eimi fit` or `eimi tensile` of this release wrote; fit again if the file is older",
+            "file that `eimi fit` or `eimi tensile` of this release wrote; if an older release wrote it, fit again",
         ),
         (("train.h5", "--fit", "empty.json", "-o", "v.json"), "empty.json: fits: Tuple should have at least 1 item"),
         (

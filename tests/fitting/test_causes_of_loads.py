@@ -36,7 +36,7 @@ class SimpleExperiment:
 
 
 class Loaded:
-    """Stands for the assumptions of a fit that contain only an experiment."""
+    """A replacement for the object with all assumptions of a fit; it has only the attribute `experiment`."""
 
     def __init__(self, experiment: Any) -> None:
         self.experiment = experiment

@@ -310,9 +310,10 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 @pytest.mark.parametrize("clicks", [[[100, 300], [102, 294]], [[98, 200], [103, 412], [96, 400], [104, 407]]])
 def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
-    """The line from the clamp through clicks that are close together does not turn back or aside.
+    """The line from the clamp through clicks that are close together keeps its direction along the beam.
 
-    Each click may be 10 px off the beam, so that clicks a few pixels apart have no order and no direction.
+    A click may be 10 px away from the beam. Clicks that are a few pixels apart therefore do not give an order of points
+    or a direction.
     """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
     assert (np.diff(line.points[:, 1]) > 0).all()

@@ -64,7 +64,10 @@ def test_any_other_error_of_a_file_is_raised_at_once(monkeypatch: pytest.MonkeyP
 
 
 def held(number: int | None) -> PermissionError:
-    """Return the error about a file that another program holds. The operating system may give a number, as Windows."""
+    """Return the error that Python raises when another program keeps a file open.
+
+    number: the error number of Windows (`winerror`); None if the operating system gives no such number.
+    """
     error = PermissionError(errno.EACCES, "Permission denied")
     error.winerror = number  # type: ignore[attr-defined]
     return error

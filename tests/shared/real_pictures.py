@@ -57,9 +57,9 @@ class PictureScore:
 
 @dataclass(frozen=True)
 class Picture:
-    """A photograph with the calibration and the specimen of an optimistic user, and the folder of the picture.
+    """A photograph, with the calibration and the specimen file that belong to it, and the folder of the files.
 
-    beam: whether the picture shows a beam; the folder then contains its traced edges.
+    beam: whether the picture shows a beam. The folder then also contains the edges that a person traced by hand.
     """
 
     name: str

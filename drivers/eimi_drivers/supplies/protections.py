@@ -13,10 +13,11 @@ STAYS_ON = "nothing switches the output off, it stays as it was set"
 
 
 def armed_in_words(protections: str) -> str:
-    """Return the last part of a text `without_contact`, which lists the armed protections; empty without protections.
+    """Return a text that lists the armed protections; return an empty text if `protections` is empty.
 
-    The text `without_contact` describes what the output does if the cable is pulled or the computer fails.
-    `protections` describes the armed protections, the protections inside the supply that the driver has switched on.
+    A protection inside the supply is armed when the driver has switched it on. `protections` describes the armed
+    protections. The result is the end of the text `without_contact` of a supply, which describes what the output does
+    if the cable is pulled or the computer fails.
     """
     return f"; switched on in the supply: {protections}" if protections else ""
 

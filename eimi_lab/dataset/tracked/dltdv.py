@@ -5,7 +5,8 @@ PREFIXxypts.csv (or .tsv) contains points of one camera in pixels. PREFIXxyzpts.
 A dense file has the columns pt1_cam1_X, pt1_cam1_Y, … and one row for each frame, with NaN for a point that was not
 digitised. A sparse file has a title, the size of the table, and then lines with row, column and value. Pixels are
 counted from 1. In versions up to 7, y points up from the lower edge of the picture. In version 8, y points down. The
-file does not contain the version. Clamp and axis are therefore given in the axes of the file.
+file does not contain the version. The user therefore gives the position of the clamp and the direction of the beam's
+axis in the axes of the file.
 
 Source of the format: DLTdv7.m and DLTdv8a_internal/sparseSave.m of github.com/tlhedrick/dltdv.
 """

@@ -361,10 +361,11 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the positions of the loads of K states on a straight line of loads, (K,); None if there is no line.
+    """Return the position of the load of each of K states on a straight line, shape (K,).
 
-    The line begins at the load of the first state. A position is the distance from the first load, divided by the
-    distance of the load that is farthest from the first load.
+    The load of a state is a vector of numbers, such as the components of the field. The line leads from the load of the
+    first state to the load that is farthest from it. The position is 0 at the first and 1 at the farthest load, and may
+    be negative. All positions are 0 if all loads are equal. The result is None if a load does not lie on the line.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

@@ -41,8 +41,8 @@ class UniformField:
 
         A dead force keeps its direction and size.
 
-        The torque is added to ``SolidLoads.tensor`` as the product B m'. B is the field in T times ``field_factor``,
-        and m is the magnet's dipole at rest.
+        The torque is described by the tensor Q = B m^T, which is added to ``SolidLoads.tensor``. B is the field in T
+        times ``field_factor``. The vector m is the magnet's dipole at rest, ``mesh.magnet_dipole``.
         """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole

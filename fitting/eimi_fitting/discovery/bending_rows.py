@@ -167,11 +167,14 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return the changes of the residuals by the sources of uncertainty that the experiments specify.
+    """Return the changes of the residuals in mm by the sources of uncertainty (uncertain inputs) of the experiments.
 
-    The outer list has an entry for each part of a source. The inner list has, for each experiment, the change of the
-    residuals in mm for one standard uncertainty of this part. The change has the shape (K, G, m) for G groups of m
-    points in K states. The change is None if the source does not belong to the experiment.
+    A source has one or more parts, such as x and y of the clamp. Several experiments may share one error of a source.
+    The outer list has an entry for each part of a source and each group of experiments that share its error. This entry
+    is a list with one change for each experiment: the change of the residuals for a deviation of the part by one
+    standard uncertainty. The change has the shape (K, G, m). There are K states, G = 2 groups of residuals (left and
+    right edge, or x and y of tracked points) and m points. The change is None if the experiment does not share the
+    error, or if the beam model finds no equilibrium.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))

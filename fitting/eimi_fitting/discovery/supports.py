@@ -62,7 +62,10 @@ class Support:
 
     @property
     def held_out_error(self) -> float:
-        """Root mean square of the prediction errors of this set, in units of the noise; about 1 for a correct law."""
+        """Root mean square error of this set of terms when it predicts equations that were left out of its fit.
+
+        The unit is the standard deviation of the noise. The value is about 1 if the law is correct.
+        """
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property

@@ -252,9 +252,10 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt for each mistake in the stated loads, such as a reversed field, that more than doubles the error.
+    """Return a doubt (reason to distrust the fit) for each mistake that was found in the stated loads.
 
-    The error is the mean over the states of the root mean square residual in mm.
+    slips: the mistakes, such as a reversed field. Without the mistake the error is less than half as large. The error
+    is the mean over the states of the root mean square residual in mm.
     """
     return tuple(
         Doubt(

@@ -94,10 +94,11 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return a misfit after the correction of the experiment ``before`` is replaced by that of this experiment.
+        """Return a misfit in which the correction of this experiment replaces the correction of ``before``.
 
-        A misfit has the distances (residuals) of the measured points. A correction (``change``) is added to them. The
-        two experiments may differ only in ``change``.
+        The misfit contains the residuals: the distances of the measured points from the simulated beam. A better beam
+        model changes the residuals by the correction ``change``, which is added to them. ``misfit`` was computed for
+        the experiment ``before``. The two experiments may differ only in ``change``.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)

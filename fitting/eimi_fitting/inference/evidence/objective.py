@@ -79,7 +79,11 @@ class Evaluation:
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of P candidates in mm, shape (P,); `DISCARDED_MM` for an invalid candidate."""
+        """The objective of P candidates in mm, which the search makes as small as possible, shape (P,).
+
+        It is the mean error of edges or tracked points, increased by the residuals of tensile curves and priors. A
+        candidate without an equilibrium or with an unstable law in a state gets the value `DISCARDED_MM`.
+        """
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
         # Beyond x = 5 a straight line continues the exponential, which would overflow.
