@@ -63,7 +63,7 @@ def main() -> None:
     line = FaultyInstrument(instrument, late_s=LATE_S)
     threading.Thread(target=_watch, args=(coil, getattr(instrument, "watch", None)), daemon=True).start()
     with SERVE[chosen.transport](line) as address:
-        print(address, flush=True)
+        _write_line(address)
         for word in sys.stdin:
             if word.strip() == "none":
                 end_faults(coil, line)
@@ -72,6 +72,12 @@ def main() -> None:
                 coil.contact_ohm = CONTACT_OHM
             else:
                 begin_fault(Fault[word.strip().upper()], chosen.driver, coil, line)
+
+
+def _write_line(words: str) -> None:
+    """Write a line in one piece, because `print` writes its end separately and another thread can come between."""
+    sys.stdout.write(f"{words}\n")
+    sys.stdout.flush()
 
 
 def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:
@@ -83,7 +89,7 @@ def _watch(coil: CoilSupply, watchdog: Callable[[], None] | None) -> None:
         now = (coil.state.output, coil.state.set_current_A)
         true_A = coil.coil_current_A()
         if now != before or abs(true_A - printed_A) > LEAST_CHANGE_A:
-            print(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g} {true_A:.3f}", flush=True)
+            _write_line(f"{time.monotonic():.4f} {int(now[0])} {now[1]:g} {true_A:.3f}")
             before, printed_A = now, true_A
         time.sleep(WATCH_EVERY_S)
 

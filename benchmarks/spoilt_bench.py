@@ -133,7 +133,9 @@ class Trial:
             self._reader = threading.Thread(target=self._read, daemon=True)
             self._reader.start()
         try:
-            wait_until(self.supply.at_full, f"the run never came to {FULL_A} A")
+            wait_until(lambda: self.supply.at_full() or self.process.poll() is not None, f"no current of {FULL_A} A")
+            if not self.supply.at_full():
+                raise RuntimeError(f"the run ended before the current was {FULL_A} A")
         except RuntimeError as error:
             raise RuntimeError(f"{error}, and said {self.lines}") from error
         self.guardian = self._find_guardian()

@@ -91,7 +91,7 @@ def study(
     seed: Annotated[int, typer.Option(help="seed of the random numbers of all searches")] = 1,
     force: Force = False,
 ) -> Result:
-    """Evaluate how well fits find the law of virtual specimens whose true material is known.
+    """Evaluate fits of virtual specimens whose law is known.
 
     The fits receive only edges and tensile curves. The true material is used only to simulate these data and to compute
     the errors of the fits. The study repeats the evaluation by Di Lecce et al. (2022). After an interruption, the same

@@ -39,6 +39,8 @@ LONG = (
 def test_a_run_at_full_current_ends_with_the_coil_off(fault: str) -> None:
     # The benchmark reports how soon the coil is off; a test does not, because a busy computer is not a defect.
     command = [sys.executable, "-m", "benchmarks.off_campaign", "--trials", "1", "--patience", "10", "--fault", fault]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    # The benchmark waits as long as PATIENCE_S for one condition, and then says which condition was not fulfilled.
+    limit_s = PATIENCE_S + 200.0
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=limit_s, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "trials with a fault: 0 of 1" in done.stdout
