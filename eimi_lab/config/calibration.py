@@ -36,7 +36,10 @@ LARGEST_CAMERA_TILT_DEG = 30.0
 
 
 class Picture(Table):
-    """Information that helps the program to find the beam in the pictures. The program determines absent values."""
+    """The table [picture] of a calibration: hints, such as a region or a colour, for finding the beam in the pictures.
+
+    The program determines the values of absent keys.
+    """
 
     region_px: Quad | None = None
     """Left, top, width and height of the part of the picture in which the beam is searched."""

@@ -31,8 +31,8 @@ class CoilShapeTable(Table):
 
     In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The table gives only the
     dependence on position. The strength follows from coil_constant_mT_per_A, which is the field at the middle of the
-    magnet at rest, or at the middle of the beam if there is no magnet. Give two loops, a measured map, or only a
-    gradient.
+    magnet at rest, or at the middle of the beam if there is no magnet. Give two circular loops of wire with a common
+    axis, a map (the measured field at the points of a grid), or only a gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -72,7 +72,7 @@ class CoilShapeTable(Table):
 
     @property
     def is_uneven(self) -> bool:
-        """Whether the field changes with the position, because the table has loops, a map or a gradient."""
+        """Whether the field changes with the position, because the table has loops of wire, a map or a gradient."""
         return not (self.radius_mm is None and self.map is None and self.gradient_per_m is None)
 
     def _grid(self) -> FieldTable:
@@ -99,7 +99,8 @@ class CoilShapeTable(Table):
         Raises
         ------
         ValueError
-            If a loop passes through the beam, or if the map does not contain the position of the magnet at rest.
+            If a loop of the coil passes through the beam, or if the map of the measured field does not contain the
+            position of the magnet at rest.
         """
         axis = (math.cos(math.radians(field_deg)), math.sin(math.radians(field_deg)))
         rest = np.array([specimen.field_place_mm, 0.0])
@@ -117,7 +118,8 @@ class CoilShapeTable(Table):
 def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
     """Replace the name of a map file in a calibration by the rows of the map file, and return True.
 
-    If the calibration has no name of a map file, do nothing and return False.
+    A map file contains the field that was measured at the points of a grid. If the calibration has no name of a map
+    file, do nothing and return False.
 
     Parameters
     ----------

@@ -22,7 +22,10 @@ LEAST_SILENCE_S = 2.0
 
 
 class Interlock(Table):
-    """Bounds of a reading. The coil is switched off if the reading is outside the bounds, or if no reading arrives."""
+    """Bounds of a reading, which is a value that a sensor or the supply measures repeatedly.
+
+    The coil is switched off if the reading is outside the bounds, or if no reading arrives.
+    """
 
     reading: str = Field(min_length=1)
     """Name of a sensor in [[sensors]]; or coil_current_A, coil_voltage_V or coil_power_W, which the supply measures."""
@@ -37,10 +40,10 @@ class Interlock(Table):
     @model_validator(mode="after")
     def _bounded(self) -> Interlock:
         if self.minimum is None and self.maximum is None:
-            raise ValueError(f"on {self.reading} needs minimum, maximum or both")
+            raise ValueError(f"an interlock on {self.reading} needs minimum, maximum or both")
         if self.minimum is not None and self.maximum is not None and self.minimum >= self.maximum:
             raise ValueError(
-                f"on {self.reading}: minimum = {self.minimum:g} must be less than maximum = {self.maximum:g}"
+                f"interlock on {self.reading}: minimum = {self.minimum:g} must be less than maximum = {self.maximum:g}"
             )
         return self
 
@@ -59,9 +62,9 @@ class Interlock(Table):
 
 
 def check_readings(interlocks: Sequence[Interlock], readings: Sequence[str]) -> None:
-    """Raise ValueError if an interlock is given for a reading that does not exist.
+    """Raise ValueError if an interlock (a pair of bounds) is given for a measured value that does not exist.
 
-    ``readings`` are the names of all readings: those of the supply and of the sensors.
+    ``readings`` are the names of all measured values of the supply and of the sensors.
     """
     for number, interlock in enumerate(interlocks):
         if interlock.reading not in readings:

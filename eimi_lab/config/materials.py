@@ -18,7 +18,7 @@ from eimi_lab.config.toml import Document, Table, parse, read_text
 
 
 class TrueMaterial(Table):
-    """The true material of a virtual specimen: the law and its parameters."""
+    """The material with which a virtual specimen is simulated: its elastic law and the parameters of this law."""
 
     model: str
     """Name of the law: neo-hookean, mooney-rivlin, yeoh or ogden."""
@@ -70,7 +70,10 @@ class TrueMaterial(Table):
 
 
 class TrueBench(Table):
-    """The true properties of a virtual bench that differ from its specimen file and its calibration."""
+    """Properties with which a bench is simulated, where they differ from the specimen file and the calibration file.
+
+    The differences imitate the errors of a real bench, such as a wrong coil constant.
+    """
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)
     """Angle between the true magnetisation and the direction in the specimen file."""
@@ -89,7 +92,7 @@ class TrueBench(Table):
 
 
 class TrueMaterials(Document):
-    """The contents of materials.toml: the true materials, and the true properties of the bench, of a virtual rig."""
+    """The contents of materials.toml: the materials and the properties of the bench with which a rig is simulated."""
 
     silicone: dict[str, TrueMaterial]
     """One table for each material. The name of the table is the value of specimen.material in the specimen file."""
@@ -98,5 +101,8 @@ class TrueMaterials(Document):
 
 
 def load_materials(path: Path) -> TrueMaterials:
-    """Read materials.toml of a virtual rig. Raises InputError if the file is not valid."""
+    """Read materials.toml, the materials with which a virtual rig is simulated.
+
+    Raises InputError if the file is not valid.
+    """
     return parse(TrueMaterials, read_text(path), path)

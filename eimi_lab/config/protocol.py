@@ -68,9 +68,10 @@ class Currents(Table):
         return one_way + tuple(-current_A for current_A in one_way if current_A) if self.both_polarities else one_way
 
     def key_of(self, current_A: float) -> str:
-        """Return the key of the protocol that gives the smallest or largest set-point ``current_A``.
+        """Return the name of the key in protocol.toml from which ``current_A`` comes, for an error message.
 
-        The key is "values_A", "start_A" or "stop_A". Error messages name this key.
+        ``current_A`` is the smallest or the largest set-point of the run. The key is "values_A", "start_A" or
+        "stop_A".
         """
         if self.values_A is not None:
             return "values_A"
@@ -179,7 +180,7 @@ class Conditioning(Table):
 
 
 class RingDown(Table):
-    """Steps of the current to zero after the last state. The camera records how the beam swings freely after a step."""
+    """Steps of the current to zero at the end of a run. The camera records how the beam swings freely after a step."""
 
     seconds: float = Field(gt=0, le=600)
     """Duration of each recording."""
@@ -203,7 +204,7 @@ class RingDown(Table):
 
 
 class Protocol(Document):
-    """The contents of protocol.toml: the currents of a run, and when the frames of each state are taken."""
+    """The contents of protocol.toml: the currents of a run, and when the frames are taken at each current."""
 
     name: str = Field(min_length=1)
     """Name of the protocol."""
@@ -235,7 +236,7 @@ class Protocol(Document):
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Convert the table `release` of a protocol of an early version into the table `ring_down`."""
+        """Rename the table `release` of a protocol for an early version of the program to `ring_down`."""
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]
@@ -258,9 +259,11 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The smallest and the largest current of the states, and the currents of conditioning and ring-downs.
+        """The currents of the run that may exceed a limit: the smallest and the largest set-point, and two others.
 
-        Each entry consists of the key of the protocol that gives the current, and the current in A.
+        The others are the current of the conditioning (cycles before the run) and the current from which a ring-down
+        starts (a step to zero, after which the beam swings freely), if protocol.toml gives them. Each entry consists of
+        the key in protocol.toml and the current in A.
         """
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
@@ -270,23 +273,26 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of states plus the number of ring-downs of a run, for the display of the progress."""
+        """The number of parts of a run for the display of the progress: its set-points and its ring-downs.
+
+        In a ring-down the current steps to zero and the beam swings freely.
+        """
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 
     @property
     def rate_Hz(self) -> float | None:
-        """The frames per second that the protocol requires for ring-downs; None if the protocol requires no rate."""
+        """The frames per second that the protocol requires while the beam swings freely; None without a requirement."""
         return self.ring_down.rate_Hz if self.ring_down else None
 
     @property
     def ring_down_from_A(self) -> float:
-        """The current before the step to zero with which a ring-down begins, A."""
+        """The current, A, before the step to zero after which the beam swings freely."""
         from_A = self.ring_down.from_A if self.ring_down else None
         return self.currents_A[-1] if from_A is None else from_A
 
     @property
     def currents_A(self) -> tuple[float, ...]:
-        """The set-points of all states in the order of the run, A."""
+        """The set-points of the current in the order of the run, A."""
         return self.current.set_points_A
 
 

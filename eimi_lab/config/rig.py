@@ -58,7 +58,10 @@ class Supply(Table):
 
     @property
     def opened_with(self) -> Limits:
-        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off."""
+        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off.
+
+        A supply cannot measure exactly zero, so a current below the last limit counts as zero.
+        """
         return Limits(self.limits.current_A, self.limits.voltage_V, self.off_below_A)
 
     @field_validator("address")
@@ -164,7 +167,7 @@ class Camera(Table):
         return self
 
     def at_rate(self, rate_Hz: float | None) -> Camera:
-        """Return a copy of the table with the frame rate ``rate_Hz`` (frames per second).
+        """Return a copy of the table [camera] with the frame rate ``rate_Hz`` (frames per second).
 
         The table is returned unchanged if ``rate_Hz`` is None, if the rig file has a frame rate or a trigger, or if
         pictures or a video replace the camera.
@@ -218,10 +221,11 @@ class Virtual(Table):
 
 
 class Rig(Document):
-    """The contents of rig.toml.
+    """The contents of rig.toml, which describes the supply, the camera, the coil and the sensors of a bench.
 
-    In the file, ``calibration`` and ``virtual.materials`` are names of files in the same folder. The true materials are
-    in a separate file, because a dataset contains the text of the rig file and must not reveal the materials.
+    In the file, ``calibration`` and ``virtual.materials`` are names of files in the same folder. The materials of a
+    simulation are in a separate file, because a dataset (the HDF5 file of a run) contains the text of the rig file and
+    must not reveal the materials.
     """
 
     name: str = Field(min_length=1)

@@ -289,9 +289,10 @@ class SpecimenFile(Document):
         return self.specimen.length_mm if load.x_mm is None else load.x_mm, load.y_mm
 
     def _rest_shape(self) -> RestShape | None:
-        """Return the shape of the beam without load that the file gives.
+        """Return the shape of the beam without load: its centre line, and how its width and its depth vary.
 
-        None is returned if width and depth are constant and the beam is straight or its shape is measured in pictures.
+        None is returned if the file gives a constant width, a constant depth and no points of the centre line. The beam
+        is then straight, or its shape is measured in the pictures.
         """
         beam = self.specimen
         turns = () if isinstance(beam.rest_shape, str) else centre_line(np.array(beam.rest_shape), beam.length_mm)

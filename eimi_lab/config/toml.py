@@ -189,7 +189,7 @@ def _decimal_comma(text: str) -> str:
 
 
 def _longest_key(line: str) -> int:
-    """Return the number of dots in the key of a TOML line that has the most dots."""
+    """Return the largest number of dots in a key of a line of TOML, to reject a key with too many parts."""
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)
@@ -317,7 +317,7 @@ def _near(key: str, keys: list[str]) -> str:
 
 
 def _shown(value: object) -> str:
-    """Return a value as text for a message, in the form that TOML has; a dictionary becomes "a table"."""
+    """Return a value as TOML text for a message; a dictionary becomes "a table"."""
     if isinstance(value, dict):
         return "a table"
     return str(value).lower() if isinstance(value, bool) else repr(value)
