@@ -1,4 +1,4 @@
-"""Acquire a dataset: run a protocol on a bench, and store every state before the next one begins.
+"""Acquire a dataset: run a protocol on a bench, and store every state (load step) before the next state begins.
 
 run               the run itself
 stepping          one state after another

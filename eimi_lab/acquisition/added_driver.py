@@ -19,7 +19,9 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Return the text from which `unpack` adds a supply driver in another process.
+    """Convert a supply driver that the user's program added into a text, which is sent to the guardian process.
+
+    The guardian process switches the coil off if the run dies. There, `unpack` converts the text into the driver again.
 
     Parameters
     ----------

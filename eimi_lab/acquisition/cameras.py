@@ -24,7 +24,7 @@ def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) ->
     clock : Clock
         Clock of the run. Only a virtual beam uses it.
     cue : Cue
-        Holds the number of the present state of the run, for a recording with one picture for each state.
+        Holds the number of the present state (load step) of the run, for a recording with one picture for each state.
 
     Raises
     ------

@@ -47,7 +47,7 @@ MEASURED_AGAIN_AFTER_S = 0.2
 
 
 def without_contact(supply: object) -> str:
-    """Return the state of the output after the cable is pulled or the computer fails, in the words of the driver."""
+    """Return a text of the driver: what the output of the supply does if the cable is pulled or the computer fails."""
     return str(
         getattr(
             supply,
@@ -177,11 +177,11 @@ class Coil:
         ------
         InstrumentError
             If two measurements in a row are above the limit of the supply, or are outside the range of the set-points
-            of the last `FOLLOWS_WITHIN_S` by more than the tolerance. Also if the supply reports a fault or does not
-            answer.
+            of the last `FOLLOWS_WITHIN_S` seconds by more than the tolerance. Also if the supply reports a fault or
+            does not answer.
         BeyondInterlock
-            If a reading is outside the bounds of its interlock in two measurements in a row, or if a reading did not
-            come within its longest silence.
+            If a reading is outside the bounds that the rig file gives for it in two measurements in a row, or if no
+            value of a reading arrived within the longest permitted time.
         """
         measured = bool(self._interlocks) or not self.simulated
         every_s = WATCH_EVERY_S
@@ -225,7 +225,7 @@ class Coil:
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Surround one exchange with the supply, and record its duration.
+        """Record the duration of the body of a with statement, which contains one exchange with the supply.
 
         If the supply gives no usable answer, store the reason in `unreachable`, and raise the error again.
         """
@@ -239,9 +239,9 @@ class Coil:
 
     @contextmanager
     def _without_ramp(self) -> Iterator[None]:
-        """Surround a check of the interlocks (bounds of readings); set `out_of_control` if a reading is out of bounds.
+        """Set `out_of_control` if the body of a with statement finds a reading outside its bounds.
 
-        The ramp of the current to zero is then left out, because it might take too long for the coil.
+        The coil is then switched off without a ramp of the current to zero, because a ramp might take too long.
         """
         try:
             yield
@@ -297,12 +297,13 @@ class Coil:
             self._pause(pause - (self._clock.now() - began), stop_if_asked)
 
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Ramp the current to zero within `ramp.down_within_s` of the protocol.
+        """Ramp the current to zero within the time `ramp.down_within_s` of the protocol.
 
         If the supply is slow, the steps are larger than in the protocol. If `count_the_end` was called, the time counts
         from this call. The ramp ends early if the next step would probably exceed the time: switching off then sends
-        zero without waiting for an answer. If `out_of_control` or `unreachable` is set, there is no ramp. Raises the
-        errors of `PowerSupply.set_current`.
+        zero without waiting for an answer. There is no ramp if a measured current or a reading was wrong
+        (`out_of_control`), or if the supply does not answer (`unreachable`). Raises the errors of
+        `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return

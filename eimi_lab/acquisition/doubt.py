@@ -11,15 +11,15 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 
 @contextmanager
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
-    """Report that the coil may still be on, if the context takes longer than a given time.
+    """Report that the coil may still be on, if the body of a with statement takes longer than a given time.
 
-    The context contains an attempt to switch the coil off. On a line that has failed, the attempt can take several
-    seconds before it raises an error.
+    The body contains an attempt to switch the coil off. If the line to the supply has failed, the attempt can take
+    several seconds before it raises an error.
 
     Parameters
     ----------
     seconds : float
-        The time, s.
+        Time after which the report is sent, s.
     doubt : OffNotConfirmed or None
         The event that is sent after this time, from another thread; None sends nothing.
     on_event : OnEvent

@@ -98,7 +98,7 @@ def dry_run(
     Parameters
     ----------
     protocol : Protocol
-        The states of the run.
+        The currents of the run, and the times to wait at each current.
     specimen : SpecimenFile
         The beam.
     rig : Rig
@@ -107,14 +107,14 @@ def dry_run(
         Receives each step as a line of text. The last line gives the shortest and the longest duration of the run.
     say_detail : callable, optional
         Receives the details as lines of text: each message to the supply with its simulated time, the end of each
-        state, and states in the middle of a long run. By default `say` receives the details.
+        state (load step), and the states in the middle of a long run. By default `say` receives the details.
 
     Raises
     ------
     InputError
         If the protocol, the specimen and the rig do not fit together, for example because a current exceeds a limit.
     InstrumentError
-        If the supply does not have the channel that its address names.
+        If the supply does not have the channel (the number of an output) that its address names.
     """
     clock, detail = SimulatedClock(), say_detail or say
     limits = rig.supply.limits.stricter(protocol.limits)

@@ -26,19 +26,23 @@ _log = logging.getLogger(__name__)
 
 
 def to_line(event: Event) -> str:
-    """Return an event as one line of JSON, without a newline. A number that is not finite becomes null."""
+    """Return an event (a record of one thing that happened in a run) as one line of JSON, without a newline.
+
+    A number that is not finite becomes null.
+    """
     return json.dumps({"event": event.event, **_finite(asdict(event))}, ensure_ascii=False)
 
 
 def from_line(line: str | bytes) -> Event | None:
-    """Return the event that a line of JSON describes, or None if this release has no event with the name in the line.
+    """Return the event (a record of one thing that happened in a run) that a line of JSON describes.
 
-    Keys of the line that this release does not know are ignored.
+    None is returned if this release of the program has no event with the name in the line. Keys of the line that this
+    release does not know are ignored.
 
     Raises
     ------
     ValueError
-        If the line is not a JSON object with an event, or if a field has the wrong type.
+        If the line is not a JSON object with the key `event`, or if a field has the wrong type.
     """
     from pydantic import TypeAdapter  # slow to import; the guardian process only writes events and does not need it
 

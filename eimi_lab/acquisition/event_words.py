@@ -67,7 +67,8 @@ def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = t
     Parameters
     ----------
     report : callable
-        Receives a sentence about each stored state and each stored ring-down.
+        Receives a sentence about each stored state (load step) and each stored ring-down (recording of the beam while
+        it swings freely).
     remark : callable
         Receives the sentences about all other events, such as a pause or a warning.
 

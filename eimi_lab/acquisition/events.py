@@ -48,9 +48,9 @@ def ignore_event(event: Event) -> None:
 class RunBegun(Event):
     """A run begins; no instrument has been used yet.
 
-    `states` is the number of states, `currents_A` their currents. `resumes` is true if the run continues an earlier
-    run. `guardian` is true if a guardian process switches the coil off if the run dies. `without_contact` is the state
-    of the coil after the cable to the supply is pulled, in the words of the driver; empty if the coil is simulated.
+    `states` is the number of states (load steps), `currents_A` their currents. `resumes` is true if the run continues
+    an earlier run. `guardian` is true if a guardian process switches the coil off if the run dies. `without_contact`
+    tells, in the words of the driver, what the supply does after its cable is pulled; empty for a simulated supply.
     `hottest_share` is the largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig file
     gives no rating of the coil. `interlocks` are the names of the readings whose bounds the run checks; the guardian
     process does not check these readings.
@@ -110,8 +110,8 @@ class ConditioningDone(Event):
 class Settled(Event):
     """The run has finished its wait for the beam to come to rest.
 
-    `state` is the number of the state, from 0. `waited_s` is the duration of the wait. `at_rest` is false if the beam
-    still moved at the end of the wait.
+    `state` is the number of the state (load step), from 0. `waited_s` is the duration of the wait. `at_rest` is false
+    if the beam still moved at the end of the wait.
     """
 
     event: ClassVar[str] = "settled"
@@ -122,7 +122,7 @@ class Settled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStored(Event):
-    """A state was written to the dataset on the disk.
+    """The frames and readings of one state (load step) were written to the dataset on the disk.
 
     `state` is the number of the state, from 0. `current_A` is its set-point. `waited_s` is the time that the run waited
     for the beam to come to rest. `flags` are the names of the defects of the state's frames.
@@ -137,7 +137,7 @@ class StateStored(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RingDownStored(Event):
-    """A ring-down was written to the dataset on the disk.
+    """A ring-down (a recording of the beam while it swings freely) was written to the dataset on the disk.
 
     `ring_down` is the number of this ring-down, from 0, out of `ring_downs`. `from_A` is the current before the step to
     zero. `frames` is the number of frames. `lost` is the number of frames that the camera counted but that did not
@@ -158,7 +158,7 @@ class RingDownStored(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StateStoredBefore(Event):
-    """The dataset of a resumed run already contains this state. The state is not measured again."""
+    """The dataset of a resumed run already contains this state (load step). The state is not measured again."""
 
     event: ClassVar[str] = "state_stored_before"
     state: int
@@ -167,14 +167,14 @@ class StateStoredBefore(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class PauseRequested(Event):
-    """A person asked for a pause. The pause begins after the present state was stored."""
+    """A person asked for a pause. The pause begins after the present state (load step) was stored."""
 
     event: ClassVar[str] = "pause_requested"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Paused(Event):
-    """The run waits for a person before `state`, with the coil off.
+    """The run waits for a person, with the coil off, before it measures the state (load step) with number `state`.
 
     `swap_leads` is true if the person has to swap the leads of the coil before the run continues.
     """
@@ -188,7 +188,10 @@ class Paused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Resumed(Event):
-    """The pause is over. The run first ramps through the states before `state`, and then takes `state`."""
+    """The pause is over, and the run continues with the state (load step) with number `state`.
+
+    Before this state, the current ramps through the currents of all earlier states again.
+    """
 
     event: ClassVar[str] = "resumed"
     state: int
@@ -228,8 +231,8 @@ class Warned(Event):
 class FramesLost(Event):
     """Some frames did not arrive completely, and none of these frames is stored. The run continues.
 
-    `state` is the state during which the frames were exposed; null before, between and after the states. `frames` is
-    the number of lost frames. `reasons` gives the number of lost frames for each reason that the driver of the camera
+    `state` is the number of the state (load step) during which the frames were exposed; null at other times. `frames`
+    is the number of lost frames. `reasons` gives the number of lost frames for each reason that the camera driver
     reports.
     """
 

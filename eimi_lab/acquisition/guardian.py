@@ -57,9 +57,9 @@ class StoodStill(InstrumentError):
 class Ward:
     """The supply that the guardian process switches off if the run dies.
 
-    `driver` and `address` are those of the rig file, `current_A` and `voltage_V` its limits, and `off_below_A` the
-    current below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's
-    program added, as text; empty for an installed driver. `identity` contains the identification text and the serial
+    `driver`, `address` and the limits `current_A` and `voltage_V` come from the rig file. `off_below_A` is the current
+    below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's program
+    added, as text; empty for an installed driver. `identity` contains the identification text and the serial
     number of the supply that the run uses; None until the run has read both. `recognised` is true if the run switched
     the output off and still measured a current. The guardian then knows that this supply is the supply of the coil,
     although its output is off.

@@ -79,14 +79,16 @@ ASKED: Takeover = "run_could_not_switch_off"
 
 
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
-    """Wait until the run ends or stands still, and switch the coil off if it may still be on.
+    """Wait until the run ends or takes no step for too long, and switch the coil off if it may still be on.
+
+    The guardian process calls this function.
 
     Parameters
     ----------
     ward : Ward
         The supply of the coil: its driver, address, limits and identity.
     on_event : OnEvent
-        Receives the events of this process.
+        Receives the events of the guardian process.
     """
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
@@ -119,7 +121,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
 
 
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
-    """Wait until the run ends, stands still or asks this process to switch the coil off.
+    """Wait until the run ends, takes no step for too long, or asks the guardian process to switch the coil off.
 
     Returns
     -------
@@ -161,7 +163,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     """Switch the supply off and measure its current, repeatedly, until the coil is off or `TRY_FOR_S` has passed.
 
     A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
-    If the first attempt fails, this process therefore kills the run.
+    If the first attempt fails, the guardian process therefore kills the run.
 
     Parameters
     ----------

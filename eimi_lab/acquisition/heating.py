@@ -98,9 +98,10 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
 
 
 class Warming:
-    """The heat of a coil during a run, computed from its current with the equation of this module.
+    """The heat h (A²) of a coil during a run, computed from its current I and its thermal time constant τ.
 
-    The coil is assumed to be cold at the first call of `flows`.
+    The heat follows τ dh/dt = I² − h, and is proportional to the temperature rise. The coil is assumed to be cold at
+    the first call of `flows`.
     """
 
     def __init__(self, rating: CoilRating) -> None:

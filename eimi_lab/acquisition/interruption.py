@@ -27,7 +27,7 @@ class Heeded(Protocol):
         """Interrupt the present operation of the run if a signal has come."""
 
     def leave_in_haste(self) -> None:
-        """Interrupt the present operation if a second signal has come, or if the run stood still for too long."""
+        """Interrupt the present operation if a second signal has come, or if the run took no step for too long."""
 
     def switch_off_in_haste(self) -> None:
         """Switch the coil off, at most once, if a second signal has come or the current is wrong.
@@ -39,8 +39,8 @@ class Heeded(Protocol):
 class Interruption:
     """Methods by which a run reacts to signals during long operations of its instruments and of its dataset writer.
 
-    The instruments and the writer call the methods during such operations. Each call is passed to the run whose context
-    `heeding` is open. If no such context is open, the methods do nothing.
+    The instruments and the writer call the methods during such operations. Inside `with heeding(run)`, each call is
+    passed to this run. Otherwise the methods do nothing.
     """
 
     def __init__(self) -> None:
@@ -48,9 +48,10 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Pass every call of the instruments and of the writer of the dataset to `run` until the context ends.
+        """Let the run react to signals during long operations, until the body of the with statement ends.
 
-        The calls are the calls of `between_messages`, `while_waiting` and `while_storing`.
+        The instruments and the writer of the dataset call `between_messages`, `while_waiting` and `while_storing`
+        during such operations. These methods pass the calls to `run`.
         """
         self._run = run
         try:
@@ -59,7 +60,7 @@ class Interruption:
             self._run = None
 
     def between_messages(self) -> None:
-        """Interrupt the exchange with the supply if a second signal has come, or if the run stood still for too long.
+        """Interrupt the exchange with the supply if a second signal has come, or if the run took no step for too long.
 
         The method raises an error to interrupt, and otherwise does nothing. The line to the supply calls the method
         before each message. On a slow line it takes long to send a set-point and to read the value back.

@@ -41,7 +41,7 @@ class WatchedCamera:
         Receives every frame. The thread of the run calls this function: it must return quickly, and an exception in it
         ends the run.
     cue : Cue
-        Receives the number of the present state, for a camera that plays a recording.
+        Receives the number of the present state (load step), for a camera that plays a recording.
     """
 
     def __init__(self, camera: Camera, show: Show, cue: Cue) -> None:

@@ -39,7 +39,7 @@ class Bench:
     camera_settings : CameraSettings
         Values that were read back from the camera after it was set up.
     cue : Cue
-        Holds the number of the present state of the run, for a recording in place of a camera.
+        Holds the number of the present state (load step) of the run, for a recording in place of a camera.
     interruption : Interruption
         Supply and camera call its methods during long operations, so that a signal can interrupt these operations.
     relay : callable or None

@@ -58,14 +58,14 @@ class Pauses:
         return move_on
 
     def wait(self, run: Stepping, state: int, stop_if_asked: Callable[[], None], *, swap_leads: bool = False) -> None:
-        """Switch the coil off until a line is typed, then ramp through the states before `state` again.
+        """Switch the coil off until a person types a line, then ramp through the earlier currents of the run again.
 
         Parameters
         ----------
         run : Stepping
             The run.
         state : int
-            Number of the next state.
+            Number of the next state (load step). The currents of all states before it are passed again.
         stop_if_asked : callable
             Called repeatedly during the pause. It raises an exception if the run has to stop.
         swap_leads : bool

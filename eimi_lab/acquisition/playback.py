@@ -38,8 +38,8 @@ class PlayedCamera:
     open_it : callable
         Opens the recording at its beginning.
     rule : Playback
-        How the recording is played: whether each state has one picture, and whether the recording starts again at its
-        end.
+        How the recording is played: whether all frames of a state (load step) show one picture, and whether the
+        recording starts again at its end.
     cue : Cue
         Holds the number of the present state of the run.
     """
@@ -59,7 +59,7 @@ class PlayedCamera:
         """Do nothing, because a recording buffers no old frames."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame of the recording, or the picture of the present state again.
+        """Return the next frame of the recording, or the picture of the present state (load step) again.
 
         `timeout_s` is the longest wait for a frame, s. Raises EndOfPlayback at the end of a recording that is played
         only once.

@@ -83,10 +83,10 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield a recorder of the ring-down with the given number.
+    """Yield a recorder for one ring-down, in which the current steps to zero and the beam swings freely.
 
-    At the end of the context, also after an error, store the frames and send `RingDownStored`. `from_A` is the current
-    before the step to zero, A.
+    At the end of the context, also after an error, store the frames and send `RingDownStored`. `number` is the number
+    of the ring-down, from 0, and `from_A` the current before the step, A.
     """
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:
@@ -132,9 +132,10 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 
 
 class _Recorded:
-    """One ring-down while it is recorded: the step of the current, and the frames with their times of arrival.
+    """A recording of the freely swinging beam in progress: the step of the current to zero, and the frames.
 
-    The images are written to the file at once and are not kept in memory.
+    `frames` contains each frame with its time of arrival, s. The images are written to the file at once and are not
+    kept in memory.
     """
 
     def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:

@@ -262,9 +262,9 @@ def acquire(
 class _Ending:
     """The data from which the last event of a run is made.
 
-    `path` is the dataset, `states` the number of states in the protocol and `stored` the number of states in the
-    dataset before the writer is open. `writer` then knows path and number. `off` is the last event that confirmed the
-    coil off.
+    `path` is the path of the dataset, `states` the number of states (load steps) in the protocol and `stored` the
+    number of states in the dataset. After the writer of the dataset was opened, `writer` is set, and gives the path and
+    the number of stored states instead. `off` is the last event that confirmed the coil off.
     """
 
     path: Path
@@ -299,10 +299,10 @@ def _run_begun(
 
 @contextmanager
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
-    """Yield a function that sends an event of the run to the log and to the listener `on_event`.
+    """Send the first and the last event of a run, and yield a function that sends the events between them.
 
-    The context itself sends the first event `begun` at its beginning. At its end it sends the last event, made from
-    `ending`, and before it a `Fault` after an error.
+    All events go to the log and to the listener `on_event`. The event `begun` is sent first. At the end of the context,
+    `ending` gives the last event. After an error, a `Fault` is sent before the last event.
     """
 
     def send(event: Event) -> None:

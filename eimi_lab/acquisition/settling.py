@@ -72,8 +72,8 @@ def wait_until_settled(
 
     The ratio is computed in a band of pixels along the edges of the beam. The band is found only in the first pair of
     frames, each time the ratio falls to `rule.noise_ratio`, and in the frame that ends the wait, because finding the
-    band takes most of the time. In an old band, a beam that has moved out of the band gives a small ratio although the
-    beam moves. The new band then shows the motion.
+    band takes most of the time. If the beam has moved out of an old band, the ratio in the old band is small although
+    the beam still moves. The new band then shows the motion.
 
     Parameters
     ----------

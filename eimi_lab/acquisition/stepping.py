@@ -51,10 +51,10 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Ramp through all states before `state` without taking frames.
+        """Ramp through the currents of all states (load steps) before number `state` without taking frames.
 
-        The shape of a beam depends on its history of loads. If the leads of the coil are swapped, only the states with
-        a negative current are passed.
+        This repeats the history of loads, on which the shape of a beam depends. If the leads of the coil are swapped,
+        only the negative currents are passed.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:
@@ -63,8 +63,8 @@ class Stepping:
     def report_lost_frames(self, state: int | None) -> int:
         """Return the number of frames that the camera lost since the previous call.
 
-        Send the event `FramesLost` if this number is not zero. `state` is the number of the present state for the
-        event; None before, between and after the states.
+        Send the event `FramesLost` if this number is not zero. `state` is the number of the present state (load step)
+        for the event; None before, between and after the states.
         """
         reasons = self.camera.newly_lost()
         if reasons:
@@ -145,14 +145,16 @@ class Stepping:
         self.on_event(StateStored(state=state, current_A=current_A, waited_s=settled.waited_s, flags=names))
 
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames that were taken between states. Raises StorageFailed.
+        """Store frames that were taken outside the states (load steps) of the run. Raises StorageFailed.
+
+        The frames of the load cycles before the first state are an example.
 
         Parameters
         ----------
         recording : str
-            Name of the recording in the dataset.
+            Name under which the dataset stores the frames.
         belongs_to : sequence of int
-            For each frame, the number of its state or load cycle.
+            For each frame, the number of the state or load cycle to which it belongs.
         moments : sequence of Moment
             The frames with their times.
         """

@@ -23,8 +23,8 @@ from eimi_lab.process.writer_lock import WriterLock
 def only_run_on(address: str) -> Iterator[None]:
     """Exclude other runs from the supply at an address until the context ends.
 
-    The operating system releases the lock if the process dies. All channels of one supply share one lock. The lock
-    excludes only runs of the same user on the same computer.
+    The operating system releases the lock if the process dies. All outputs (channels) of one supply share one lock. The
+    lock excludes only runs of the same user on the same computer.
 
     Raises
     ------

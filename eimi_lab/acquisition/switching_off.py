@@ -263,7 +263,7 @@ def ramp_down_and_switch_off(
         _off(coil, guardian, on_event)
     except InstrumentError as error:
         _off(coil, guardian, on_event, str(error))
-        raise InstrumentError(f"the coil is off, but the ramp to zero before failed: {error}") from error
+        raise InstrumentError(f"the coil is off, but the ramp of its current to zero failed: {error}") from error
     except BaseException:
         _off(coil, guardian, on_event)
         raise

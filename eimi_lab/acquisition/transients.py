@@ -14,7 +14,7 @@ class Transient:
 
     The kept frames are spaced logarithmically in the time since the current last changed, because creep proceeds with
     the logarithm of time. After every kept frame, the intervals of the remaining frames are computed again. The number
-    `budget` is therefore reached even if the camera is slower than the first intervals.
+    `budget` is therefore reached even if the first intervals are shorter than the time between two frames.
 
     Parameters
     ----------

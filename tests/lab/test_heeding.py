@@ -198,7 +198,7 @@ def test_the_end_of_a_run_ramps_down_switches_off_and_disarms(run: Heeding) -> N
 
 
 def test_a_failed_ramp_down_is_reported_after_the_coil_is_off(run: Heeding) -> None:
-    with pytest.raises(InstrumentError, match="the coil is off, but the ramp to zero before failed: cut"):
+    with pytest.raises(InstrumentError, match="the coil is off, but the ramp of its current to zero failed: cut"):
         ended(run, ramp_down=InstrumentError("cut"))
     assert run.done() == ["coil ramp_down", "guardian allow 30", "coil switch_off", *SAID_OFF]
     with pytest.raises(ZeroDivisionError):
