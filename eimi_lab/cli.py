@@ -161,7 +161,10 @@ def _status() -> int:
 
 
 def _help_of_command(error: Exception) -> str:
-    """Return where the arguments of the rejected command, or the commands, are described."""
+    """Return a text that names the --help to read after a wrong command line.
+
+    This is the help of the command or, if the command is unknown, the list of all commands.
+    """
     context = getattr(error, "ctx", None)
     if context is None or context.parent is None:
         return "eimi --help lists the commands, eimi COMMAND --help their options"

@@ -141,6 +141,9 @@ def _acquire(protocol: Protocol, beam: SpecimenFile, rig: Rig, output: Path, for
 
 
 def _cast(beam: SpecimenFile, material: str) -> SpecimenFile:
-    """Return a copy of a specimen with another material, also in its text, which the dataset stores."""
+    """Return a copy of a specimen with another material.
+
+    The material is also replaced in the TOML text of the specimen, because the dataset stores this text.
+    """
     text = re.sub(r"(?m)^material = .*$", f'material = "{material}"', beam.text)
     return parse(SpecimenFile, text, f"specimen {beam.specimen.name}")

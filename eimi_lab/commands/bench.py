@@ -268,7 +268,7 @@ def acquire(
     force: Force = False,
     watched_by: Annotated[str | None, typer.Option(hidden=True, help="file descriptors of the live page")] = None,
 ) -> Result:
-    """Run a protocol on the bench and store its frames.
+    """Run a protocol on the bench and store the frames.
 
     The program sets each current of the protocol, waits until the beam is at rest, and takes frames. At the end of the
     run the coil is switched off, also after an error or Ctrl-C.
@@ -285,7 +285,9 @@ def acquire(
     chosen, beam, bench_rig = load_protocol(protocol), load_specimen(specimen), load_rig(rig)
     if dry_run:
         if events:
-            raise InputError("--events: there are no events with --dry-run, which starts no run; leave one of them out")
+            raise InputError(
+                "--events: --dry-run starts no run, so that there are no events; leave out --events or --dry-run"
+            )
         summary, whole = dry_steps(chosen, beam, bench_rig)
         return Result(whole if verbose else summary, {"dry_run": whole})
     if verbose:
@@ -329,8 +331,8 @@ def calibrate_coil(
 
     Put the probe at the place of the magnet, and remove the specimen, because its magnet also has a field. The current
     increases in steps and returns to zero; if the supply can reverse the current, this is repeated with the opposite
-    sign. The new calibration is that of the rig with the measured coil constant, the measured field without a current,
-    their uncertainties, and the table of readings.
+    sign. The new file is a copy of the rig's calibration, to which the measured coil constant, the measured field
+    without a current, their uncertainties, and the table of readings are added.
     """
     from datetime import date
 

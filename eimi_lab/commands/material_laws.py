@@ -234,7 +234,8 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="fits.json whose parameters are used instead of --parameter; the tip curve then has intervals",
+            help="fits.json whose parameters are used instead of --parameter; the positions of the tip then have "
+            "intervals",
         ),
     ] = None,
     index: FitIndex = None,
@@ -266,8 +267,8 @@ def simulate(
 ) -> Result:
     """Simulate a specimen with a known law.
 
-    The output folder contains the shapes, the tip curve and the stretches as CSV files, a figure, and VTU files for
-    ParaView.
+    The output folder contains CSV files (shapes, position of the tip against the field, stretches), a figure, and VTU
+    files for ParaView.
     """
     from eimi_lab.face.using import simulate as simulate_beam
 

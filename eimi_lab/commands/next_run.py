@@ -65,7 +65,7 @@ def plan(
     ] = False,
     force: Force = False,
 ) -> Result:
-    """Choose the states to measure next and write their protocol.
+    """Choose the currents to measure next and write a protocol.
 
     The table lists the possible runs, with the interval that each run is expected to give. The best run comes first.
     """

@@ -27,7 +27,7 @@ def publish(
     ] = None,
     force: Force = False,
 ) -> Result:
-    """Archive datasets, results and cards for a repository.
+    """Archive datasets, results and material cards.
 
     The archive is a zip file in the format RO-Crate 1.1, which electronic lab notebooks can read (.eln). It contains
     the given files, the TOML files of each run, the hash of every file and the versions of the programs. After writing,

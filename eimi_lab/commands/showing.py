@@ -87,7 +87,7 @@ def report(
 
 def demo(
     material: Annotated[
-        str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="material of the hidden specimen")
+        str, typer.Option(metavar="dragon_skin_10|ecoflex_00_50", help="material of the virtual specimen")
     ] = "dragon_skin_10",
     specimen: Specimen = "type1",
     quick: Annotated[

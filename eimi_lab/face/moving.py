@@ -163,7 +163,7 @@ def import_motion(
 
 @dataclass(frozen=True)
 class ReadMotions:
-    """The motions in a video or in a file of tracked points, and the calibration.
+    """The motions (ring-downs or creep) that were read from a video or a file of tracked points, and the calibration.
 
     The calibration is None for tracked points without a calibration.
     """
@@ -173,7 +173,7 @@ class ReadMotions:
 
     @property
     def in_words(self) -> str:
-        """A text with the number of frames, the number of motions and the number of lost frames."""
+        """A text with the number of frames, the kind and the number of motions, and the number of lost frames."""
         kind: Kind = self.motions[0].kind
         frames = sum(len(motion.time_s) for motion in self.motions)
         parts = f" after {len(self.motions)} flicks" if len(self.motions) > 1 else ""
@@ -193,7 +193,7 @@ def read_motions(
     has_gravity_direction: bool,
     output: Path,
 ) -> ReadMotions:
-    """Read the motions in a video or in a file of tracked points.
+    """Read the motions (ring-downs or creep of the beam) from a video or from a file of tracked points.
 
     Parameters
     ----------

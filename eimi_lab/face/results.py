@@ -202,8 +202,12 @@ class Discovered:
 class Report:
     """The paths of the files of a report.
 
-    One field is the path of the HTML page. The other field is the path of the folder with figures and tables; None if
-    no folder was requested.
+    Attributes
+    ----------
+    path : Path
+        The HTML page.
+    assets : Path or None
+        The folder with the figures and tables as separate files; None if no folder was requested.
     """
 
     path: Path

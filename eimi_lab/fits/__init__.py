@@ -1,7 +1,7 @@
 """From stored datasets to identified materials.
 
 evidence             read a dataset as the states, edges or points, and loads of a fit
-measured_conditions  the measured field in place of the stated coil constant
+measured_conditions  the measured field in place of the coil constant in the calibration file
 measured_record      the measured field and temperatures of a dataset, as a result file holds them
 measured_remarks     sentences on measured fields and temperatures, and on their differences between datasets
 states_used          the states that a fit uses, and the flags of the states that it leaves out
@@ -20,7 +20,7 @@ tensile_record       the fit of a law to a tensile test in a result file
 fits_file            compare the laws of several fits; write and read fits.json
 grades               grade how well a fit is supported
 fit_summary          print a fit and the comparison of laws
-assumptions          the bulk modulus and the nuisances that a fit assumes for a dataset
+assumptions          the bulk modulus and the values of uncertain inputs (nuisances) that a fit assumes for a dataset
 simulated_fit        simulate a fit on a dataset, and compute its error
 prediction           simulate several fits on several datasets, and share the work among processes
 predicted_error      compute the interval of the error of a fit on a dataset

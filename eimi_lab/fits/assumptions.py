@@ -50,9 +50,10 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return the experiment with the specimen, the loads and the lens that follow from the identified nuisances.
+        """Return an experiment whose specimen, loads and lens have the identified values of the nuisances.
 
-        A nuisance is an uncertain input that was fitted with the law.
+        An experiment consists of beam model, loads and measurements. A nuisance is an uncertain input that was fitted
+        with the law.
         """
         return experiment.under(self.deviations)
 
@@ -64,7 +65,7 @@ class Assumptions:
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Return the comparison of an experiment with the simulations of P candidates of a law.
+        """Simulate P candidates of a law, and compare each simulation with the measurements of an experiment.
 
         Parameters
         ----------
@@ -75,7 +76,7 @@ class Assumptions:
         experiment : Experiment
             The experiment that `applied` returns.
         keep : bool
-            See `eimi_fitting.inference.evidence.experiment.compare`.
+            Whether the result also contains the solved shapes of the beam, from which a later simulation can start.
         """
         return compare(
             LAWS[model],

@@ -80,6 +80,7 @@ class Checkpoint:
     Parameters
     ----------
     path : Path
+        The checkpoint file.
     head : Head
         The first line that the current inputs give.
     resume : bool

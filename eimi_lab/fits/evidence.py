@@ -55,12 +55,13 @@ class Evidence:
     Attributes
     ----------
     path : Path
+        The dataset file.
     sha256 : str
         Hash of the file.
     experiment : Experiment
         Beam model, loads, and measured edges or tracked points of the used states.
     states : tuple of State
-        The used states.
+        The used states. A state is one load step: the beam at rest under one current and one weight.
     used : StatesUsed
         The indices and flags of the used states and of the states left out.
     taken_as_exact : tuple of str
@@ -134,6 +135,7 @@ def load_evidence(
     Parameters
     ----------
     path : str or Path
+        The dataset file.
     section : {"solid", "plane-strain", "plane-stress"}, optional
         Model of the cross-section, which replaces the model in the specimen file.
     flagged : bool
@@ -214,6 +216,7 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
     Parameters
     ----------
     dataset : Dataset
+        An open dataset, to which a run may still add states (load steps).
     edges : sequence of EdgeSet
         The edges of the first states; they need not be stored in the dataset.
 

@@ -52,7 +52,9 @@ def grid(
     models : sequence of str
         Names of the laws.
     evidence : sequence of Evidence
+        The datasets, each with its beam model and loads.
     seeds : sequence of int
+        Seeds of the random numbers of the search.
     each : bool
         Whether each dataset is fitted separately; otherwise all datasets are fitted together.
     bootstrap : int
@@ -96,11 +98,13 @@ def fit_grid(
     Parameters
     ----------
     tasks : sequence of Task
+        The fits to compute, from `grid`.
     options : mapping
         Keyword arguments of `eimi_fitting.identify`, equal for all tasks.
     executor : callable, optional
         Starts the workers; without an executor the fits are computed in this process.
     checkpoint : Checkpoint, optional
+        The file that stores the progress, so that interrupted fits can be continued.
     share_checkpoint : bool
         Whether the workers write each generation into the checkpoint. The workers must then have access to the file.
         If false, only finished fits are written.
@@ -112,6 +116,7 @@ def fit_grid(
     Returns
     -------
     list of FitRecord
+        The fits to the measured data, in the order of the tasks.
 
     Raises
     ------

@@ -189,7 +189,7 @@ def held_out_in_words(choice: Choice) -> str:
 
 
 def points_in_words(choices: Sequence[Choice]) -> str:
-    """Return a sentence on the number of independent points that AICc and BIC count."""
+    """Return a sentence on the number of independent points that the information criteria AICc and BIC assume."""
     return (
         f"AICc and BIC count the data as {choices[0].independent_points:.1f} independent points, estimated from the "
         f"correlation of the residuals of the law that fits best."
@@ -197,7 +197,10 @@ def points_in_words(choices: Sequence[Choice]) -> str:
 
 
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """Return a sentence on the laws without an AICc; empty if all laws have an AICc."""
+    """Return a sentence on the laws that have no AICc (information criterion), because the data are too few.
+
+    The list is empty if all laws have an AICc.
+    """
     without_aicc = [choice.model for choice in choices if choice.aicc is None]
     if not without_aicc:
         return []

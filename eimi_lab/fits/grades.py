@@ -35,15 +35,25 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
     Parameters
     ----------
     fit : FitRecord
+        The fit to grade.
     unseen : iterable of Validation
         Errors of the fit on datasets of specimens to which the law was not fitted.
 
     Returns
     -------
     Grade
-        "not determined", "doubted", "noise only", "budget stated", "predicted unseen states", or "predicted an unseen
-        specimen". For "noise only", "budget stated" and "predicted unseen states", the attribute `words` also names
-        the specimens that the law did not predict.
+        One of these grades, the weakest first:
+
+        - "not determined": the data do not determine the modulus;
+        - "doubted": a check raised a doubt;
+        - "noise only": the interval contains only noise and the error of the mesh, because no uncertainty of an input
+          is given;
+        - "budget stated": the interval contains the uncertainties of the inputs;
+        - "predicted unseen states": the law also predicted states (load steps) that were left out of the fit;
+        - "predicted an unseen specimen": the law also predicted another specimen.
+
+        For "noise only", "budget stated" and "predicted unseen states", the attribute `words` also names the specimens
+        that the law did not predict.
     """
     if "initial_shear_modulus" in fit.held_by_bounds():
         return Grade("not determined", "The data do not determine the modulus.")

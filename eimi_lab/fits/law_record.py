@@ -175,7 +175,10 @@ class LawRecord:
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the doubts (reasons to distrust the fit) as a result file contains them, without their `kind`."""
+        """Return the doubts (reasons to distrust the fit) as JSON objects for a result file.
+
+        The attribute `kind` of a doubt is for programs and is not written to the file.
+        """
         return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
 
     def _quantities(self) -> dict[str, Quantity]:

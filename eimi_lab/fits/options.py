@@ -38,7 +38,7 @@ IncludeFlagged = Annotated[
     bool,
     typer.Option(
         "--include-flagged",
-        help="also use the states that a fit leaves out by default because a flag makes them unusable",
+        help="also use the states with a serious flag (failed quality check), which a fit leaves out by default",
     ),
 ]
 

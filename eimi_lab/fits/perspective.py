@@ -70,9 +70,9 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return the coefficient b of the equation in the module's docstring, from measurements in K states at S stations.
+    """Return the coefficient b of the equation in the module's docstring, from measurements in K states at m stations.
 
-    The second axis of `profiles`, shape (K, 3, S), holds width, distance from the optical axis, and curvature. The mean
+    The second axis of `profiles`, shape (K, 3, m), holds width, distance from the optical axis, and curvature. The mean
     over the states is subtracted, which removes the free width w₀ of each station.
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
@@ -82,7 +82,7 @@ def _slope(profiles: Array) -> float:
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
     """Return width (mm), distance from the optical axis (mm) and curvature (1/mm) of the beam in state k.
 
-    The result has the shape (3, S) for S stations along the beam.
+    The result has the shape (3, m) for m stations along the beam.
     """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
@@ -98,7 +98,7 @@ def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """Return x and y of an edge at S fractions of its arc length, shape (S, 2).
+    """Return x and y of an edge at m fractions of its arc length, shape (m, 2).
 
     `points` holds x and y of n points of the edge, shape (n, 2).
     """
@@ -108,9 +108,9 @@ def _at_stations(points: Array) -> Array:
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """Return the distances of an edge from S middle points of the beam along normals of the middle line, shape (S,).
+    """Return the distances of an edge from m middle points of the beam along normals of the middle line, shape (m,).
 
-    The edge has n points, shape (n, 2). The middle points and the normals have the shape (S, 2). The last axis of each
+    The edge has n points, shape (n, 2). The middle points and the normals have the shape (m, 2). The last axis of each
     argument holds x and y.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)

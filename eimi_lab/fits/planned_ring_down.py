@@ -7,9 +7,10 @@ of the modulus from the ring-down. To first order in the errors δ of the inputs
 
     s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
-Here x is the logarithm of the true modulus, a and b are the effects of the inputs, n_s and n_d are noise, and r is the
-error of the relaxation between the two times. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is
-the covariance of s and d (Gauss-Markov).
+Here x is the logarithm of the true static modulus. The vectors a and b are the changes of s and d for a unit error of
+each input. The scalars n_s and n_d are noise. The modulus relaxes between the time scale of a ring-down and that of the
+static states, and r is the error of the computed relaxation. The best linear estimate of x has the variance
+1 / (1ᵀ C⁻¹ 1), where C is the covariance of s and d (Gauss-Markov).
 """
 
 from __future__ import annotations

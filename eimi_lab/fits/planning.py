@@ -319,10 +319,11 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return the criterion of a planned run in which the two states at the currents I and -I count as one state.
+    """Return a design criterion in which the two states at the currents I and -I can only be chosen together.
 
-    The first half of the states of `criterion` has the currents I, and the second half has the currents -I in the same
-    order. Raises ValueError if the beam has an equilibrium in fewer than two such pairs of states.
+    The criterion computes how accurate a run with some chosen states would be. The first half of its states has the
+    currents I, and the second half has the currents -I in the same order. Raises ValueError if the beam has an
+    equilibrium in fewer than two such pairs of states.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]

@@ -132,7 +132,10 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return the law of a fit as a candidate, with the uncertain inputs that were fitted for this dataset."""
+    """Return the law of a fit with its parameters, and the uncertain inputs that were fitted for this dataset.
+
+    The result has the form of a candidate: a law and inputs that can be simulated.
+    """
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(

@@ -50,6 +50,7 @@ class StateError(Record):
     current_A : float or None
         The current that was set; None if the dataset contains no currents.
     field_mT : float
+        The field at the specimen.
     error_mm : float
         The root mean square of the distances between the measured points and the simulated edges.
     deviation_mm : float
@@ -67,7 +68,8 @@ class StateError(Record):
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
         """Return the record of each of the K used states of a dataset.
 
-        `error_mm` and `deviation_mm`, shape (K,), are the error and the deviation in each state in mm.
+        `error_mm` and `deviation_mm`, shape (K,), are the error and the deviation in each state in mm. `dataset` is
+        the index of the dataset in the fit.
         """
         return tuple(
             StateError(
@@ -83,7 +85,7 @@ class StateError(Record):
 
 
 class CurveRecord(Record):
-    """A tensile curve in a joint fit.
+    """A tensile curve that was fitted together with datasets of a bending beam (a joint fit).
 
     Attributes
     ----------
@@ -188,12 +190,16 @@ class FitRecord(IdentifiedLaw, LawRecord):
     Attributes
     ----------
     by_state : tuple of StateError
+        The error of the fit in each used state (load step).
     tensile : tuple of CurveRecord
+        Tensile curves that were fitted together with the datasets.
     taken_as_exact : tuple of str
         Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
         its keys; if a calibration gives none, `calibration` stands for its keys.
     datasets : tuple of DatasetReference
+        The datasets to which the law was fitted.
     bootstrap : BootstrapRecord or None
+        The same fit, repeated on random samples of the states; None if it was not repeated.
     distances : tuple of Residuals
         The distances of measured from simulated points (residuals) of each dataset. The distances are not written to a
         file; see `residuals`.

@@ -63,8 +63,11 @@ class Prediction(Generic[Law]):
     Attributes
     ----------
     fitted_law : FittedLaw
+        The fit, with its file.
     evidence : Evidence
+        The dataset, with its beam model and loads.
     validation : Validation
+        The errors of the fit on the dataset.
     edges_mm : ndarray, shape (K, 2, n, 2)
         x and y of n points of the simulated left and right edges as the camera sees them. The axes are state, edge,
         point and coordinate. The edges are those of the most accurate beam model that was solved.

@@ -16,7 +16,7 @@ _LARGEST = 5  # number of the largest sources that have a line
 
 
 class MotionReference(Record):
-    """The reference of a fit to a dataset of motions.
+    """A dataset of recorded motions (ring-downs and creep) to which a viscoelastic law was fitted.
 
     The fields are path, hash, model of the cross-section, number of motions, and given uncertainties of the inputs.
     """
@@ -28,7 +28,7 @@ class MotionReference(Record):
     stated: tuple[StatedSource, ...] = ()
 
     def in_words(self) -> str:
-        """Return the path of the dataset and the number of its motions."""
+        """Return the path of the dataset and the number of its recorded motions as text."""
         return f"{self.path}: {self.motions} recorded motion{'' if self.motions == 1 else 's'}"
 
 
@@ -43,9 +43,11 @@ class RingDownRecord(LawRecord):
     time : LawOfTime
         The viscoelastic (Prony) law.
     datasets : tuple of MotionReference
+        The datasets with the ring-downs.
     taken_as_exact : tuple of str
         Keys for which the input files give no uncertainty.
     seed : int
+        Seed of the random numbers of the fit.
     """
 
     kind: Literal["ring-down"] = "ring-down"

@@ -45,7 +45,7 @@ class PublishedFile:
     source
         The file on the disk; None for a TOML text from a dataset.
     kind
-        Kind of the file.
+        "dataset", "fits" for a result file, "text of a dataset" for a TOML text that a dataset contains, or "other".
     size_bytes, sha256
         Size and SHA-256 hash of the content.
     changed

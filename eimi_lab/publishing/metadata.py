@@ -28,7 +28,7 @@ Node = dict[str, Any]
 
 
 def licence_node(licence: str | None) -> Node | None:
-    """Return the entity that describes a licence; None without a licence.
+    """Return the JSON object that describes a licence in ro-crate-metadata.json; None without a licence.
 
     Raises InputError if the text is neither an SPDX identifier nor a URL.
     """
@@ -147,7 +147,7 @@ def _affiliation(person: Person) -> Node | None:
 
 
 def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
-    """Return an entity for each folder of the archive, by the path of the folder."""
+    """Return the JSON object that describes each folder of the archive, by the path of the folder."""
     parents = {parent for file in files for parent in file.place.parents if parent.parts}
     return {
         folder: {"@id": f"{_id(folder)}/", "@type": "Dataset", "name": folder.name, "hasPart": []}
@@ -156,7 +156,7 @@ def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
 
 
 def _nest(root: Node, folders: dict[PurePosixPath, Node], files: Sequence[PublishedFile]) -> None:
-    """Add every file and every folder to the parts of the folder that contains it."""
+    """List every file and every folder in the JSON object of the folder that contains it, under the key hasPart."""
     places = {**folders, **{file.place: {"@id": _id(file.place)} for file in files}}
     for place, node in places.items():
         folders.get(place.parent, root)["hasPart"].append(_reference(node))
@@ -184,7 +184,7 @@ def _modulus_id(file: PublishedFile, number: int) -> str:
 
 
 def _modulus_nodes(file: PublishedFile) -> list[Node]:
-    """Return one entity for each fit of a result file: the initial shear modulus with its 95 % interval."""
+    """Return one JSON object for each fit of a result file: the initial shear modulus with its 95 % interval."""
     return [_modulus(file, number, fit) for number, fit in enumerate(file.fits)]
 
 
@@ -204,9 +204,9 @@ def _modulus(file: PublishedFile, number: int, fit: FitRecord | TensileRecord | 
 
 
 def _action(file: PublishedFile, files: Sequence[PublishedFile]) -> list[Node]:
-    """Return the entity of the computation that made a result file, as a list; empty for any other file.
+    """Return a list with the JSON object that describes the computation of a result file; empty for any other file.
 
-    The entity gives the datasets of the fits and the versions of the programs.
+    The object gives the datasets of the fits and the versions of the programs.
     """
     if not file.fits:
         return []

@@ -1,7 +1,7 @@
 """Write the report: one HTML file that contains all its figures and tables.
 
 shown          read the fits of all files, and give each fit a label and a style
-sections       choose the section assumption of each fit
+sections       choose the model of the cross-section with which each fit is simulated
 contents       the fits, datasets and predictions that the panels of a report show
 findings       the result in words: modulus, interval, largest sources of uncertainty, reliability
 error_at_a_glance  draw the error of the leading fit of each dataset against the field

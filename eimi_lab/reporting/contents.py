@@ -24,6 +24,7 @@ class DatasetContents:
     Attributes
     ----------
     dataset : Dataset
+        The open dataset file.
     evidence : Evidence
         The loads and the measured edges or tracked points of the states that are compared with simulations.
     predictions : sequence of Prediction
@@ -42,10 +43,7 @@ class DatasetContents:
 
     @property
     def simulated(self) -> list[Prediction[ShownFit]]:
-        """Return the predictions for the dataset by the fits with which the beam has an equilibrium.
-
-        A prediction is the simulation of the dataset with a fitted law.
-        """
+        """Return the predictions (simulations of the dataset with fitted laws) in which the beam has an equilibrium."""
         return [prediction for prediction in self.predictions if prediction.has_equilibrium]
 
     @property

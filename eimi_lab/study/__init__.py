@@ -4,7 +4,7 @@ hidden_materials   the laws of the specimens, which differ from all fitted laws
 extent             the extent of the evaluation: the full evaluation or a quick part
 stored_parts       store each result, so that an interrupted study can continue
 observed           simulate the edges of the specimens, with the noise of the edge finder
-routes             identify laws by bending of type 1 and by tensile tests
+routes             identify laws by bending of a specimen of type 1 (the first of four shapes) and by tensile tests
 errors_by_route    compute the errors of each law on each specimen
 open_questions     compressibility, magnetic moment, number of states, choice of the optimiser
 optimisers         compare CMA-ES with other optimisers

@@ -95,7 +95,9 @@ class HiddenMaterial:
     Attributes
     ----------
     name : str
+        The trade name of the silicone.
     law : Law
+        The hyperelastic law with which the measurements are simulated.
     modulus_Pa : float
         Initial shear modulus in Pa.
     protocol : str

@@ -141,7 +141,11 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
 
 
 def _experiment() -> Experiment:
-    """Return the data of the searches: type 1 of a hidden material, with every third point of its edges."""
+    """Return the data of all searches: simulated edges of a specimen of type 1, made of a hidden material.
+
+    A hidden material is known to the simulation of the data, but not to the fits. Every third point of the edges is
+    used.
+    """
     key = "dragon_skin_10"
     fields = field_mT(MATERIALS[key], Extent(states=_STATES))
     edges = outlines_mm(MATERIALS[key], specimen_of(TRAINED_ON), fields)[:, :, ::_STRIDE]

@@ -8,7 +8,7 @@ published_values        published moduli of the same silicone
 
 Panels of the appendix:
 
-laws                    parameters, misfit and range of each fit, and the comparison of the laws
+laws                    parameters, misfit and largest stretch of each fit, and the comparison of the laws
 uncertainty_budget      the contribution of each source of uncertainty to the interval
 causes_of_all_fits      causes of the residuals of the other fits
 law_of_time             viscoelastic (Prony) law: ring-downs, the modulus against time, and creep

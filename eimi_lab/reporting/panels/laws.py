@@ -1,4 +1,4 @@
-"""Show parameters, misfit and range of each fit, and the comparison of the laws."""
+"""Show parameters, misfit and largest stretch of each fit, and the comparison of the laws."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _INTERVALS = (
 
 
 def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
-    """Return a table of parameters, misfit and range with a row for each fit.
+    """Return a table of parameters, misfit and largest stretch in the data, with a row for each fit.
 
     If `bending` is true, a note on the intervals of bending fits is added.
     """

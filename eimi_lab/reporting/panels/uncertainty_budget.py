@@ -41,7 +41,7 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw axes for each fit, with a bar for the contribution of each source of uncertainty to that of the modulus."""
+    """Draw axes for each fit, with a bar for the part of each source of uncertainty in the error of the modulus."""
     rows = [shares(fit) for _, fit in fits]
     drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
     grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])
