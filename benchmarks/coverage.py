@@ -75,7 +75,10 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the coverage of the intervals by group of experiments; exit with status 1 if one is outside its limits."""
+    """Print the share of intervals that contain the true value, by group of experiments.
+
+    The exit status is 1 if the share of a group is outside its limits.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

@@ -158,7 +158,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
 
 
 def print_hidden(seed: int) -> bool:
-    """Fit the random material of a seed, print the errors, and return whether the interval contains the true modulus.
+    """Fit a material drawn at random, print the errors, and return whether the interval contains the true modulus.
 
     The interval is the 95 % interval of the dynamic shear modulus.
     """

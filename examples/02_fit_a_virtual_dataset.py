@@ -1,4 +1,4 @@
-"""Run a quick protocol on the virtual rig, fit a law to the pictures, and compare the law with the hidden material."""
+"""Bend a simulated beam, fit a law to its pictures, and compare the law with the true material of the simulation."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,4 +1,7 @@
-"""A record does not change: a dataclass is frozen, unless the class is listed here as a state that grows."""
+"""A dataclass is frozen (its fields cannot be set again), unless this file lists the class as an exception.
+
+The exceptions are objects whose contents grow while the program runs. A record is an object of a frozen dataclass.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ SIZE_IN = (8.6, 5.2)
 
 
 def measured_beam(axes: Axes) -> None:
-    """Draw the frame of the camera with the beam: its axes, its angle at the tip, its edges and its loads."""
+    """Draw a camera picture of the beam, with the axes, the angle at the tip, the edges and the loads."""
     axes.add_patch(Rectangle((-12, -38.5), 41, 45.5, facecolor="#F4F4F4", edgecolor=GREY))
     axes.text(-11.3, 5.3, "frame of the camera", fontsize=9, color=GREY)
     _, rest_left, rest_right = strip(0.0, 30, 3)

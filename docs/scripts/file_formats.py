@@ -225,7 +225,7 @@ def _example(path: str, examples: Mapping[str, str]) -> str:
 
 
 def _tables(model: type, name: str = "") -> Iterator[tuple[str, type]]:
-    """Yield the name and the class of each table in a file, first "" and the class of the file itself."""
+    """Yield the name and the class of each TOML table in a file. The file itself comes first, with the name ""."""
     yield name, model
     for key, annotation in _keys(model).items():
         inner = next((kind for kind in _kinds(annotation) if _is_table(kind)), None)

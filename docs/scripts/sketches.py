@@ -306,7 +306,10 @@ def time(axes: Axes) -> None:
 
 
 def causes(axes: Axes) -> None:
-    """Draw residuals along the beam and the signatures of three causes. One signature fits the residuals."""
+    """Draw residuals along the beam, and the residuals that three possible causes would give (their signatures).
+
+    One signature fits the residuals.
+    """
     random = np.random.default_rng(2)
     place = np.linspace(0, 1, 41)
     axes.plot(place, place + random.normal(0, 0.07, place.size), "k.", label="residuals")

@@ -1,4 +1,7 @@
-"""The driver aravis with an emulated GigE Vision camera: settings, pixel formats, triggers, discovery."""
+"""The camera driver `aravis`, which uses the library Aravis, works with an emulated GigE Vision camera.
+
+The tests concern settings, pixel formats, triggers and the search for cameras.
+"""
 
 from __future__ import annotations
 

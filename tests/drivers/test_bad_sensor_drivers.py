@@ -1,4 +1,7 @@
-"""Every check of the conformance suite fails for a faulty sensor driver, and the message names the check."""
+"""Every check of the conformance suite (the checks that each driver must pass) fails for a faulty sensor driver.
+
+The message of the failure names the check.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Checks of the conformance suite fail for a faulty supply driver, and the message names the check."""
+"""Checks of the conformance suite (the checks that each driver must pass) fail for a faulty supply driver.
+
+The message of the failure names the check.
+"""
 
 from __future__ import annotations
 

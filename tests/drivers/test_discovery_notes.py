@@ -26,9 +26,10 @@ CAMERA = Found("camera", "opencv", "0", "Webcam")
 
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
-    """Return a function that runs the search on prepared instruments, given by the kind of the port or camera.
+    """Return a function that runs the search for instruments with prepared results of its parts.
 
-    An exception instead of instruments is raised by this part of the search.
+    Each keyword names a part of the search, such as `serial_ports` or `cameras`. The value is the instruments that this
+    part finds, or an exception that it raises.
     """
 
     def run(**instruments: Any) -> Discovery:

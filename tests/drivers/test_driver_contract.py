@@ -1,4 +1,7 @@
-"""A driver that lacks a method or attribute, or cannot be called, is refused; the error explains the member."""
+"""A driver that lacks a method or an attribute, or cannot be called, is refused.
+
+The error explains the missing method or attribute.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A frame that is no image, or differs from the first frame of a run, is refused in words."""
+"""A frame that is no image, or differs in format from the first frame of a run, is refused with an error message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drivers accept only read-backs within a tolerance, and every message and answer on a line has a time limit."""
+"""Drivers accept a set-point only if the supply reports it within a tolerance; each message has a time limit."""
 
 from __future__ import annotations
 

@@ -457,7 +457,10 @@ print([name for name in set(sys.modules) - before if name.startswith(("pyvisa", 
 
 
 def test_a_loaded_visa_library_imports_nothing_when_a_resource_is_opened() -> None:
-    """The guardian process, which may have to open a supply in haste, loads the library while it waits."""
+    """After the VISA library is loaded, the opening of a resource imports no further module, so that it is quick.
+
+    The guardian, the process that switches the coil off if a run dies, loads the library while it waits.
+    """
     done = subprocess.run([sys.executable, "-c", OPENED_LATER], capture_output=True, timeout=PATIENCE_S, check=True)
     assert done.stdout.strip() == b"[]"
 

@@ -1,4 +1,7 @@
-"""Errors at the opening of an instrument are clear and release its line; emulated sensors follow their manuals."""
+"""If an instrument cannot be opened, the error is clear, and the line to the instrument is closed.
+
+Emulated sensors answer as the manuals of the sensors describe.
+"""
 
 from __future__ import annotations
 

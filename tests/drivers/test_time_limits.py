@@ -145,7 +145,7 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
-    """An emulated session, its supply, and the list of the texts that it prints.
+    """The object that serves an emulated supply with a fault, the supply, and the list of the printed texts.
 
     The time is simulated. 3 s after a current begins to flow, the measured current of the supply gets an offset.
     """

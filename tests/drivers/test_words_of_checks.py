@@ -1,4 +1,8 @@
-"""Each requirement of the conformance suite has a driver that breaks only this requirement, and the error names it."""
+"""A driver that breaks one requirement of the conformance suite gets an error that names this requirement.
+
+The conformance suite consists of the checks that each driver must pass. For each requirement, this file has a driver
+that breaks only this requirement.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +92,11 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function from the name of a method to a method that ignores exceptions of the classes `errors`."""
+    """Return a function that makes faulty methods of a driver, which ignore exceptions of the classes `errors`.
+
+    The returned function takes the name of a method. Its result does the same as this method, but returns None
+    instead of raising such an exception.
+    """
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:

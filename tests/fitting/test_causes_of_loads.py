@@ -108,7 +108,10 @@ def test_another_law_has_the_same_initial_modulus_and_two_more_terms(law: str, p
     invariant = stretch**2 + 2 / stretch
 
     def added(quadratic: float, second: float) -> np.ndarray:
-        """Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of the two new terms at the stretches l."""
+        """Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of the two added terms at the stretches l.
+
+        `quadratic` and `second` are the amplitudes of the term in (I1 - 3)^2 and of the term in I2.
+        """
         by_first = 2 * quadratic * (invariant - 3) - 0.5 * second
         return 2 * modulus * (stretch - stretch**-2) * (by_first + 0.5 * second / stretch)
 

@@ -36,8 +36,9 @@ def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | Non
 
 
 def test_the_exchange_finds_the_best_of_all_choices() -> None:
-    """The exchange of states finds the best of all 120 choices of three states in ten.
+    """The exchange algorithm, which replaces one chosen state at a time, finds the best of 120 choices.
 
+    The choices are all choices of three states (coil currents) out of ten.
     One source of uncertainty affects some states more than others, so that the choice matters.
     """
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))

@@ -335,7 +335,10 @@ MODULI = np.geomspace(1e2, 1e8, 13)
 
 
 def scan(*valid_mm: float, first: int = 5) -> Scan:
-    """Return a scan with two moduli for each decade, of which those from `first` on have the errors `valid_mm`."""
+    """Return a scan: the errors of fits with 13 given moduli, two for each decade.
+
+    The moduli from the index `first` on have the errors `valid_mm`. With all other moduli the beam has no equilibrium.
+    """
     objective = np.full(len(MODULI), DISCARDED_MM)
     objective[first : first + len(valid_mm)] = valid_mm
     return Scan(MODULI, objective)

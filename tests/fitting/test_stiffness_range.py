@@ -1,4 +1,7 @@
-"""The range of moduli that a fit searches follows from the data, from gel to steel; a displaced clamp is a doubt."""
+"""The range of moduli that a fit searches follows from the data, for materials from gel to steel.
+
+A displaced clamp raises a doubt, which is a warning about the result of the fit.
+"""
 
 from __future__ import annotations
 

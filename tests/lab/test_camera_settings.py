@@ -1,4 +1,4 @@
-"""Camera settings pass from rig.toml to the camera; the values that the camera reads back are in the dataset."""
+"""Camera settings pass from rig.toml to the camera; the dataset contains the values that the camera then reports."""
 
 from __future__ import annotations
 

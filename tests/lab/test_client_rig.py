@@ -1,4 +1,4 @@
-"""The rig file that `eimi emulate bench` writes, with which another program measures on the emulated bench."""
+"""`eimi emulate bench` writes a rig file with which another program can measure on the emulated bench."""
 
 from __future__ import annotations
 

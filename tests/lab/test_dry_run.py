@@ -148,7 +148,10 @@ INTERLOCK = Interlock(reading="coil_voltage_V", maximum=8.0)
 
 
 def long_run(setup: Any) -> tuple[list[str], list[str]]:
-    """Return the lines of a dry run of ten states with everything that a protocol can request: steps, and details."""
+    """Return the printed steps and the details of a dry run, each as a list of lines.
+
+    The protocol has ten states and uses every kind of step that a protocol can contain.
+    """
     setup.protocol = parse(Protocol, LONG + setup.protocol.text.replace("stop_A = 0.3", "stop_A = 0.9"), "p")
     setup.rig = setup.rig.model_copy(update={"interlocks": (INTERLOCK,)})
     steps: list[str] = []

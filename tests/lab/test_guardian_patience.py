@@ -225,7 +225,7 @@ class Process:
 def switched_off(
     monkeypatch: pytest.MonkeyPatch, attempts: Attempts, takeover: Takeover
 ) -> tuple[list[tuple[float, Event]], Process]:
-    """Let the guardian, which switches the coil off if a run dies, do so; return its events and the process of the run.
+    """Let the guardian process switch the coil off; return the events of the guardian and the process of the run.
 
     Each event has its time (s). takeover: the reason for which the guardian takes over from the run.
     """

@@ -123,7 +123,10 @@ def test_the_free_memory_comes_from_the_system_or_is_assumed(monkeypatch: pytest
 
 
 def test_a_limit_of_memory_that_the_system_refuses_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A limit of the address space raises this error on macOS (python/cpython issue 78783)."""
+    """If the system refuses a limit of the memory with ValueError, the program continues without this limit.
+
+    macOS refuses every limit of the address space (python/cpython issue 78783).
+    """
     resource = pytest.importorskip("resource", reason="Windows has no limits of this kind")
 
     def refuse(which: int, limit: tuple[int, int]) -> None:

@@ -1,4 +1,4 @@
-"""Interlocks: if a reading of the supply leaves its bounds, the run ends with the coil off."""
+"""Interlocks: if a reading of the supply leaves the bounds in the rig file, the run ends with the coil off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A Ctrl-C is reported also if a second one follows, or in a destructor, where Python ignores exceptions."""
+"""A Ctrl-C is always reported: also if a second Ctrl-C follows, and also if it comes during a destructor.
+
+In a destructor, Python ignores the exception that a Ctrl-C raises.
+"""
 
 from __future__ import annotations
 

@@ -114,7 +114,10 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 
 
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
-    """Gravity in the wrong direction is named also for a hanging beam, whose bending it changes by only a tenth."""
+    """A wrong direction of gravity is reported as a doubt (warning) if it changes the bending by only a tenth.
+
+    The fit is then not refused. This is the case for a hanging beam.
+    """
     status, line = fit(tmp_path, run, points=places(0.0), gravity="180")
     if status == 0:
         (record,) = read_fits_file(tmp_path / "fits.json").fits

@@ -1,4 +1,4 @@
-"""The rasteriser covers each pixel by areas that agree with exact values."""
+"""The rasteriser, which draws polygons into pictures, computes exactly which share of each pixel is covered."""
 
 import numpy as np
 import pytest

@@ -242,7 +242,10 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
 
 
 def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run: Run, files: Path) -> None:
-    """A body of the beam's colour touches the beam on its right side. The given clamp and axis are right."""
+    """If only one edge is lost, the error advises to look at this edge, and does not propose another clamp.
+
+    A body of the beam's colour touches the right side of the beam. The given clamp and axis are right.
+    """
     image = scene((40, 60, 200), (120, 120, 120))
     image[40:76, 70:100] = np.clip(np.random.default_rng(2).normal((40, 60, 200), 2.0, (36, 30, 3)), 0, 255)
     assert imported(run, files, image)[0] == 0
@@ -253,7 +256,10 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """Advice for a back-light does not help a person who has clicked the beam, and neither does advice to click it."""
+    """If a user has clicked points on the beam and no beam is found, the only flag is NOT_FOLLOWED.
+
+    The advice then concerns the options for the search. It does not concern a back-light or further clicks.
+    """
     image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
     assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0
     status, said = run("segment", files / "out.h5")

@@ -1,4 +1,7 @@
-"""Tracked points may lie on the surface of a beam of varying width; they stay there if its sizes are uncertain."""
+"""Tracked points may lie on the surface of a beam of varying width.
+
+If a fit changes the uncertain sizes of the beam, the points stay on its surface.
+"""
 
 from pathlib import Path
 

@@ -101,7 +101,7 @@ def test_a_beam_at_rest_is_observed_for_all_pairs_and_for_the_drift_window(frame
 def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
     frame: Callable[..., NDArray[Any]],
 ) -> None:
-    """The run waits for a beam that moves little between two frames but much within the drift window.
+    """The run waits for a beam that moves little between two frames but much within the drift window (some seconds).
 
     1/50 pixel between two frames is below the limit; 2/5 pixel within the window is above the limit.
     """

@@ -61,7 +61,7 @@ def test_each_dictionary_of_markers_has_its_number_of_markers() -> None:
     ],
 )
 def test_the_brands_of_heic_pictures(brand: bytes, words: str) -> None:
-    """The brands are those of ISO/IEC 23008-12, annex B."""
+    """The brand (the code of the format in the first bytes of a HEIC file) agrees with ISO/IEC 23008-12, annex B."""
     assert _BRANDS.keys() == {b"heic", b"heix", b"mif1", b"msf1", b"avif"}
     assert kind_of(b"\0\0\0\x18ftyp" + brand) == words
     assert kind_of(b"\0\0\0\x18free" + brand) == ""

@@ -1,4 +1,4 @@
-"""The times and bounds of a run are those that the documentation states, and those that a person relies on."""
+"""The time limits and other bounds of a run agree with the documentation, on which users rely."""
 
 from __future__ import annotations
 

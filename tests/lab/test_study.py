@@ -1,6 +1,6 @@
-"""The study stores its results in parts, judges the claims of Di Lecce et al.
+"""The study repeats the evaluation of Di Lecce et al. (2022) with materials that follow none of the fitted laws.
 
-2022, and uses materials outside the fitted laws.
+The study stores its results in parts, and compares the claims of the paper with its results.
 """
 
 from __future__ import annotations

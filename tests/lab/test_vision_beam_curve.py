@@ -1,4 +1,4 @@
-"""The ends of the curve of a tracked beam stay near an expected curve if the picture does not determine them."""
+"""Where the picture does not determine the ends of a beam's curve, the ends stay near the expected curve."""
 
 from __future__ import annotations
 

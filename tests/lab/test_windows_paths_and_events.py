@@ -48,7 +48,10 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
 def test_a_file_that_another_program_of_windows_holds_for_a_moment_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, number: int | None
 ) -> None:
-    """Number 5 is ERROR_ACCESS_DENIED, 32 a sharing violation, 33 a lock; the functions of C report no number."""
+    """A file that another program holds for a moment is opened at a later attempt, whatever error Windows reports.
+
+    Number 5 is ERROR_ACCESS_DENIED, 32 a sharing violation, 33 a lock; the functions of C report no number.
+    """
     monkeypatch.setattr(replacing.sys, "platform", "win32")
     errors = [held(number), held(number)]
     assert replacing.patiently(lambda: raise_first(errors)) == "opened"

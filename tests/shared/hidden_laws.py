@@ -53,8 +53,9 @@ class Hidden:
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Return a random law: its terms, the share of each term in the largest tensile stress, and its shear modulus.
+        """Return a law with random terms and a random shear modulus.
 
+        The share of each term in the largest tensile stress is random, too.
         off: largest factor by which the constants Jm, b and alpha of the terms differ from those in the library.
         """
         while True:

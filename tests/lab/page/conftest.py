@@ -160,7 +160,7 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with the rig file of an emulated supply with its coil, and of a camera that plays images."""
+    """A folder with a rig file, whose supply and coil are emulated and whose camera plays back stored images."""
 
     folder: Path
     coil: CoilSupply

@@ -123,7 +123,7 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the validation of a fit on its own dataset, with replaced numbers.
+    """Return a function that makes the validation (the errors) of a fit on its own dataset, with replaced numbers.
 
     The arguments `changes` replace further fields of the validation.
     """

@@ -1,4 +1,7 @@
-"""The errors of a fit on a dataset are printed in µm and kPa with their intervals, and belong to the finer mesh."""
+"""The errors of a fit on a dataset are printed in µm and kPa with their intervals.
+
+The errors come from the simulation on the finer mesh, and not from the mesh of the search.
+"""
 
 from __future__ import annotations
 
