@@ -5,7 +5,7 @@ specimen       the beam and its magnet
 rest_shape     the stress-free shape of a beam that is not a straight strip
 rest_modes     smooth deviations from the given rest shape
 strip          the map from a straight strip to the shape at rest
-loads          the loads of all states, composed of actuations
+loads          the loads of all states: a sum of kinds of load (actuations)
 actuation      the interface of one kind of load
 kinds_of_load  a field, gravity, a force at the tip, a pressure
 coil_field     the field of a coil that is not uniform, with a magnet or silicone in it

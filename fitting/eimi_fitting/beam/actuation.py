@@ -110,6 +110,7 @@ class LoadedMesh:
     Attributes
     ----------
     specimen : Specimen
+        The specimen whose mesh this is.
     share : float
         The fraction of a load on the whole specimen that acts on the mesh. It is 1 / depth in 1/mm for a planar mesh,
         and 1/2 for a solid mesh, which covers half of the depth. Masses, forces and moments below contain this factor.
@@ -216,6 +217,7 @@ class LoadedMesh:
         Parameters
         ----------
         actuations : tuple of Actuation
+            The kinds of load.
         numbers : ndarray, shape (m,)
             The m numbers that describe the actuations in this state, one actuation after another.
         field_factor : ndarray, shape (B,)

@@ -1,4 +1,4 @@
-"""Band matrices of all candidates of a batch: assembly, and factorisation by LAPACK.
+"""Band matrices of a batch of candidates (sets of parameters of a law): assembly, and factorisation by LAPACK.
 
 The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. If all
 blocks are positive definite, LAPACK factorises the long matrix in one call.

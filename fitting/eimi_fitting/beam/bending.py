@@ -131,6 +131,7 @@ class BentBeam:
         Returns
         -------
         ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidates in K states
+            The points of the left polyline (y < 0 at rest), then of the right polyline, from clamp to tip.
         """
         return points_on(self.outline(view), per_segment)
 
@@ -153,6 +154,7 @@ class Beam:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     along : int
         Number of elements along the flexible part.
     across : int or None
@@ -219,6 +221,7 @@ class Beam:
         Returns
         -------
         BentBeam
+            The bent shapes, with the outcome of the solution in each state.
 
         Raises
         ------

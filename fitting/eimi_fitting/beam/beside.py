@@ -147,6 +147,7 @@ class SolidBeside:
         Returns
         -------
         SolidShapes
+            The shapes, with the outcome of the solution in each state.
 
         Raises
         ------
@@ -185,7 +186,10 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return the result for a candidate that was not solved: shapes at rest, every state marked as diverged."""
+        """Return the result for a candidate that was not solved: shapes at rest, every state marked as diverged.
+
+        ``flat`` has the shapes of the planar model, which give the number of states.
+        """
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
             rigid=np.zeros_like(flat.rigid),
@@ -222,7 +226,8 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
-        The depth effect is the shape of the solid model minus that of the planar model. States are solved one after
+        The depth effect is the shape of the solid model minus that of the planar model. ``chosen`` is the candidate,
+        ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are solved one after
         another in Leja's order: the next state has the largest product of distances from the solved states, with the
         distances along the scalar s of `beam.depth_effect`. No further state is solved if the last solved shape
         differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
@@ -311,7 +316,8 @@ class SolidBeside:
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
         """Return the shapes of the solid model in all states: the planar shapes plus the depth effect.
 
-        The depth effect is the interpolated difference between the shapes of the two models.
+        The depth effect is the interpolated difference between the shapes of the two models. ``flat`` has the planar
+        shapes, and ``lift`` the planar displacements (`_lift`).
         """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along

@@ -31,7 +31,9 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """The arrays (operators) of a mesh of E elements with q Gauss points each that depend on its geometry only.
+    """The arrays that depend only on the geometry of a mesh; forces and stiffnesses are computed from these arrays.
+
+    The mesh has E elements with q Gauss points each.
 
     Arrays that contain the same entries in another order are computed when they are needed, for a few elements at a
     time. For all elements of a typical solid mesh, these arrays would fill 34 MB.

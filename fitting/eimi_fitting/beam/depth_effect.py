@@ -39,6 +39,7 @@ class BentCandidate:
     Attributes
     ----------
     law : Law
+        The hyperelastic law.
     bulk_ratio : float
         Bulk modulus divided by initial shear modulus.
     planar : ndarray, shape (1, K, N, 2)

@@ -39,7 +39,9 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """The arrays (operators) of a mesh of E elements with q Gauss points each that depend on its geometry only.
+    """The arrays that depend only on the geometry of a mesh; forces and stiffnesses are computed from these arrays.
+
+    The mesh has E elements with q Gauss points each.
 
     Attributes
     ----------
@@ -206,6 +208,7 @@ class Batch:
     parameters : ndarray, shape (B, n)
         The n parameters of each candidate; moduli in MPa.
     section : {"plane-stress", "plane-strain", "solid"}
+        How the depth is modelled: by a planar assumption, or in three dimensions ("solid").
     bulk : ndarray, shape (B,)
         Bulk modulus of each candidate in MPa.
     """

@@ -77,7 +77,9 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """The unknowns of B candidates in one state. Linear combinations of configurations are used to extrapolate states.
+    """The unknowns of B candidates in one state: displacements, motion of the rigid body, pressures and stresses.
+
+    A linear combination of the configurations in solved states is the start for the solution of the next state.
 
     The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
 
@@ -341,9 +343,11 @@ class Solid:
         batch : Batch
             B candidates.
         loads : SolidLoads
+            The loads on the mesh.
         start : Configuration
             The configuration at which Newton's method begins.
         tolerance_mm : float
+            Largest displacement of a node in the last step of a solution that has converged.
         few : int or None
             Largest number of iterations, if ``start`` is close to the solution. A candidate gets the status
             OUT_OF_ITERATIONS if it needs more iterations, or if its tangent stiffness is not positive definite before

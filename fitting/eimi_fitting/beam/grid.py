@@ -61,6 +61,7 @@ class Grid:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     along : int
         Number of elements along the flexible part.
     across : int
@@ -80,11 +81,13 @@ class Grid:
         The elements of silicone. The nodes cover the whole specimen with the magnet, column by column from clamp to
         tip.
     face_mm : tuple of float
-        Middle (x, y) of the magnet's inner face at rest. Without a magnet: middle of the tip.
+        Middle (x, y) at rest of the magnet's inner face, which is nearer to the clamp. Without a magnet: middle of the
+        tip.
     turn_rad : float
         Angle of the magnet at rest from +x toward +y.
     block_mm : tuple of float
-        Length, width and depth of the rigid block; zero without a magnet.
+        Length, width and depth of the rigid block (the magnet and the silicone that moves rigidly with it); zero
+        without a magnet.
     magnet_nodes : ndarray of int or None
         Nodes on and in the block; None without a magnet.
     inside : ndarray of bool, shape (cells along, cells across)

@@ -82,6 +82,7 @@ def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Ar
     Parameters
     ----------
     law : Law
+        The hyperelastic law.
     parameters : ndarray, shape (..., n)
         The n parameters of the law at each point, or for all points. The leading axes are broadcast against J.
     F : ndarray, shape (3, 3, ...)

@@ -34,7 +34,7 @@ class Loads:
     Parameters
     ----------
     field_T : ndarray, shape (K, 2)
-        Components x and y of the magnetic flux density in T, like the vectors below.
+        Magnetic flux density in T. Every vector has the components x and y.
     gravity : ndarray, shape (K, 2)
         Acceleration of gravity in m/s².
     tip_force_N : ndarray, shape (K, 2)

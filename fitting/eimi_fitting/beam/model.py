@@ -1,4 +1,4 @@
-"""The planar finite-element model of a specimen, solved for all candidates of a population at once."""
+"""The planar finite-element model of a specimen, solved for many candidates (sets of parameters of a law) at once."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ class BeamModel:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     along : int
         Number of elements along the flexible part, see `Grid`.
     across : int or None
@@ -199,6 +200,7 @@ class BeamModel:
         Parameters
         ----------
         law : Law
+            The hyperelastic law.
         parameters : ndarray, shape (P, n)
             The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads

@@ -46,7 +46,9 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     Parameters
     ----------
     model : BeamModel, SolidModel or SolidBeside
+        The beam model that was solved.
     shapes : Shapes
+        The shapes that this model returned.
     view : View or None
         The perspective of the camera; None for a telecentric lens.
 

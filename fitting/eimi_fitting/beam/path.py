@@ -1,4 +1,4 @@
-"""The states of a path of loads, solved one after another or all at once.
+"""Solve the states of a path (a sequence of loads), one after another or all at once.
 
 If the states are solved one after another, the solution of each state begins at an extrapolation of the earlier states.
 If the step from one state to the next fails, or may have ended on another equilibrium path, the step is repeated in 4,
@@ -136,9 +136,11 @@ def candidates(
     Parameters
     ----------
     law : Law
+        The hyperelastic law.
     parameters : ndarray, shape (P, n)
         The n parameters of the law for each candidate; moduli in Pa.
     section : {"plane-stress", "plane-strain", "solid"}
+        How the depth is modelled: by a planar assumption, or in three dimensions ("solid").
     bulk_modulus_Pa : ndarray, shape (P,), or None
         Bulk modulus in Pa; None: 10 000 times the shear modulus, for an incompressible material.
     field_factor : ndarray, shape (P,), or None
@@ -280,7 +282,7 @@ def at_once(
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
     """Mark converged states as UNSTABLE if the law is not stable up to the largest stretch of the state.
 
-    Stable by Drucker's criterion: a larger strain always needs a larger stress.
+    By Drucker's criterion, a law is stable if a larger strain always needs a larger stress.
     """
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))

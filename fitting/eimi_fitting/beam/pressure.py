@@ -27,6 +27,7 @@ class FollowerPressure:
     Parameters
     ----------
     mesh : Mesh
+        The planar mesh.
     nodes : ndarray of int, shape (2 S + 1,)
         Nodes along the S sides of elements. A person who walks from the first node to the last has the beam on the
         left.

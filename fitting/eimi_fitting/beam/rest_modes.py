@@ -36,6 +36,7 @@ def with_modes(
     Parameters
     ----------
     specimen : Specimen
+        The specimen with its given rest shape.
     bends_mm : sequence of float
         Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y.
     widths_mm : sequence of float

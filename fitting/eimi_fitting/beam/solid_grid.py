@@ -46,6 +46,7 @@ class SolidGrid:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     along, across : int
         Numbers of elements, see `Grid`.
     more : int
@@ -125,8 +126,7 @@ class SolidGrid:
         """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at n points of the strip.
 
         points_mm: positions (x, y, z) of the points in the straight strip (the beam before it is mapped to its rest
-        shape), (n, 3). A point with z < 0 is replaced by
-        its mirror image.
+        shape), (n, 3). A point with z < 0 is replaced by its mirror image.
 
         Raises
         ------

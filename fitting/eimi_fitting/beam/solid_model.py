@@ -24,6 +24,7 @@ class SolidModel:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     along, across : int
         Numbers of elements along the flexible part and over the width, as in `BeamModel`.
     more : int

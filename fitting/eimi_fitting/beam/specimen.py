@@ -30,6 +30,7 @@ class Magnet:
     remanence_T : float
         Remanent flux density.
     density_kg_m3 : float
+        Density of the magnet.
     tip_offset_mm : float
         Distance from the end of the magnet to the tip of the specimen.
     magnetisation_angle_deg : float
@@ -102,12 +103,14 @@ class Specimen:
     section : {"solid", "plane-stress", "plane-strain"}
         How the depth is modelled: in three dimensions ("solid"), or by a planar assumption.
     magnet : Magnet or None
+        The magnet; None for a beam without a magnet.
     tip_load_mm : tuple of float or None
         Material point at which a tip force acts: arc length from the clamp, and distance from the centre line. None:
         the middle of the tip.
     magnetisation_A_per_m : tuple of float
         Magnetisation along and across the centre line at rest, for silicone that was cast with magnetic powder.
     pressure_face : PressureFace or None
+        The part of a side on which a pressure acts; None if no pressure acts.
     rest_shape : RestShape or None
         The stress-free shape; None for a straight beam of constant width and depth.
 

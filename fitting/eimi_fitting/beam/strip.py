@@ -40,6 +40,7 @@ class Strip:
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
 
     Attributes
     ----------

@@ -215,6 +215,7 @@ class FactoredSystem:
     Parameters
     ----------
     structure : System
+        The structure of the systems, which all candidates share.
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None

@@ -72,6 +72,7 @@ class Transient:
     model : BeamModel
         The planar model of the beam, in plane stress.
     law : Law
+        The instantaneous hyperelastic law.
     parameters : ndarray, shape (n,)
         The n parameters of the instantaneous law; moduli in Pa.
     series : Prony
@@ -147,6 +148,7 @@ class Transient:
         step_s : float
             Length of the step in s.
         loads : Loads
+            The loads in one state, which act at the end of the step.
         with_inertia : bool
             False: neglect inertia, for slow creep. The steps may then be longer than a period of vibration.
 
@@ -220,6 +222,10 @@ class Transient:
         """Return one step of Newton's method for the N nodes, (N, 2) in mm, and for the rigid body (the magnet), (3,).
 
         The three numbers of the body are its translation (x, y) in mm and its rotation in rad.
+
+        ``ev`` has the forces and stresses of the present displacements, and ``remembered`` the stress of earlier
+        deformations. ``pushed`` and ``pulled`` are the accelerations of the nodes and of the two mass points of the
+        body. ``inertia`` is the derivative of an acceleration by a displacement in 1/s².
         """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
@@ -263,7 +269,12 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Store the displacements, velocities, accelerations and stresses at the end of a time step."""
+        """Store the displacements, velocities, accelerations and stresses at the end of a time step.
+
+        ``nodes`` and ``rigid`` are the computed displacements. ``fading`` and ``share`` are the factors exp(-dt /
+        tau_i) and g_i a_i of the module `beam.transient`. ``stiffness`` is the ratio of the modulus in this step to the
+        instantaneous modulus.
+        """
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness
         change = elastic - old.elastic

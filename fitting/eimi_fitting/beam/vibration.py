@@ -204,6 +204,7 @@ class Vibration:
     Parameters
     ----------
     model : BeamModel or SolidModel
+        The model of the specimen.
     tip_mass_kg : float
         A point mass at the point where a tip force acts, for example a weight that moves with the beam.
 
@@ -239,6 +240,7 @@ class Vibration:
         Parameters
         ----------
         law : Law
+            The hyperelastic law.
         parameters : ndarray, shape (B, n)
             The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads
@@ -260,7 +262,9 @@ class Vibration:
         Returns
         -------
         motion : ReducedMotion
+            The matrices of the small motions.
         equilibria : Configuration
+            The equilibria, one row for each candidate.
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)

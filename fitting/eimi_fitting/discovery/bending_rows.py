@@ -124,7 +124,7 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the misfit of the best beam model of an experiment, and the remaining error of this model in mm.
+    """Return the residuals (misfit) of the best beam model of an experiment, and the remaining error of the model.
 
     The remaining error is a standard deviation for each residual, with the shape (K, G, m) for G groups of m points in
     K states. It is `Refinement.remaining_share` times the difference between the residuals of the best model and the

@@ -104,7 +104,10 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the compatible sets (see the module) that contain no smaller compatible set, fewest terms first."""
+    """Return the compatible sets that contain no smaller compatible set, fewest terms first.
+
+    The data cannot distinguish a compatible set of terms from the best set (see the module `discovery.supports`).
+    """
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
         support for support in compatible if not any(set(other.terms) < set(support.terms) for other in compatible)

@@ -1,9 +1,9 @@
 """Compute the optimum of a fit of a hyperelastic law from the best candidate of the search.
 
-The steps are: improve the candidate by Gauss-Newton (`inference.searching.polish`), correct the residuals by better
-models (`inference.evidence.corrections`), and compute the intervals (`inference.interval`). The weight of tensile
-curves and priors depends on the noise of the edges. Gauss-Newton is therefore repeated if the estimate of the noise has
-changed.
+A candidate is a set of values of the unknowns. The steps are: improve the candidate by Gauss-Newton
+(`inference.searching.polish`), correct the residuals by better models (`inference.evidence.corrections`), and compute
+the intervals (`inference.interval`). The weight of tensile curves and priors depends on the noise of the edges.
+Gauss-Newton is therefore repeated if the estimate of the noise has changed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class SearchEnd:
     Parameters
     ----------
     problem : Problem
-        The problem of the fit, with the corrections of the residuals.
+        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
     optimum : Optimum
         The optimum of the corrected problem.
     effects : tuple of Effect
@@ -94,7 +94,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
         The candidate: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
     seed : int
@@ -287,6 +287,7 @@ def _alone(
     """Return the comparison of one candidate with experiments, simulated without other candidates.
 
     ``unit`` has the n unit coordinates (0 to 1) of the candidate. Other candidates in the batch would change the
-    rounding errors, which matter for small corrections.
+    rounding errors, which matter for small corrections. The solver starts from the shapes ``near`` of an earlier
+    comparison that was made with ``keep``.
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -42,7 +42,7 @@ class Material:
     Parameters
     ----------
     law
-        The law.
+        The hyperelastic law.
     parameters
         (n,) parameters in the order of the law; moduli in Pa.
     bulk_modulus_Pa

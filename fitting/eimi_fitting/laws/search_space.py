@@ -37,7 +37,7 @@ class SearchSpace:
     Parameters
     ----------
     law
-        The law.
+        The hyperelastic law.
     names
         Names of the m physical coordinates. The first is the initial shear modulus (Pa). If the last is the bulk
         modulus, the first is a quarter of E / (1 - nu^2) (Pa); see the module `laws.search_space`.

@@ -95,7 +95,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     Parameters
     ----------
     law
-        The law.
+        The hyperelastic law.
     parameters
         (P, n) parameters of P candidates.
     largest_stretch

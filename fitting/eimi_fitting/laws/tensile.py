@@ -41,7 +41,7 @@ class TensileFit:
     Parameters
     ----------
     law
-        The law.
+        The hyperelastic law.
     parameters
         (n,) fitted parameters in the order of the law; moduli in Pa.
     intervals

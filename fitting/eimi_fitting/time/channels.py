@@ -88,6 +88,7 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
     Parameters
     ----------
     motion : Motion
+        The recorded motion.
     after_s : float
         Frames before this time are not used.
 

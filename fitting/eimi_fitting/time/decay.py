@@ -66,6 +66,7 @@ class Decay:
     modes : tuple of RingMode
         The vibrations at small amplitudes, the dominant vibration first.
     windows : tuple of Window
+        Frequency and loss factor in shorter parts of the recording (time windows).
     from_s, to_s : float
         Start and end of the part of the recording that was fitted.
     amplitude_mm : float
@@ -81,6 +82,7 @@ class Decay:
         Standard deviation of the residuals near the frequency of the dominant vibration, divided by the standard
         uncertainty of the recording.
     doubts : tuple of str
+        Reasons to distrust the result, as texts; empty if there is none.
     baseline_mm : ndarray, shape (n, c)
         The displacements in all c channels in n frames, without the fitted vibrations.
     """
@@ -112,6 +114,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     Parameters
     ----------
     signals : Signals
+        The signals of the recording.
     label : str
         Where the recording comes from, for messages.
     length_mm : float

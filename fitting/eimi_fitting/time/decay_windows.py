@@ -103,9 +103,9 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
     """Return which time windows are used to identify the material: consecutive windows that agree.
 
-    With a hanging weight, the windows before the swing of the weight raises the loss are used. Without one, a large
-    change of the frequency or of the loss shows that something touches the beam. A touch adds loss, so that the windows
-    whose loss is certainly the smallest are used.
+    A hanging weight (``hangs``) may begin to swing. The swing raises the loss, and only the windows before this rise
+    are used. Without a hanging weight, a large change of the frequency or of the loss shows that something touches the
+    beam. A touch adds loss. Therefore the windows whose loss is certainly the smallest are used.
     """
     if len(windows) < 2:
         return slice(0, len(windows))

@@ -67,7 +67,9 @@ class RingEvidence:
     Attributes
     ----------
     table : RingTable
+        The computed frequencies of the specimen.
     decay : Decay
+        The measured vibrations.
     modes : tuple of (int, RingMode)
         Pairs of the number of a mode, from 0, and the measured frequency and loss factor of this mode.
     inflation : float
@@ -134,7 +136,7 @@ class RingEvidence:
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the residuals due to each source, see `Evidence.effects`."""
+        """Return the change of the residuals due to each source of uncertainty, see `Evidence.effects`."""
         return {
             key: np.concatenate(
                 [
@@ -169,6 +171,7 @@ class LoadHistory:
         Parameters
         ----------
         beam : RingingBeam
+            The specimen, with its law.
         middle_Pa : float
             A typical shear modulus. The seven moduli lie between 0.4 and 2.5 times this modulus.
         loads : Loads
@@ -210,6 +213,7 @@ class CreepEvidence:
     Attributes
     ----------
     history : LoadHistory
+        The loads over time.
     time_s, rotation, sigma : ndarray, shape (k,)
         Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
     label : str
@@ -245,7 +249,7 @@ class CreepEvidence:
         return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros, because the effects of the sources on creep are not computed; see `Evidence.effects`."""
+        """Return zeros: the effects of the sources of uncertainty on creep are not computed; see `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
 
 
@@ -258,7 +262,9 @@ class StaticEvidence:
     Attributes
     ----------
     beam : RingingBeam
+        The specimen, with its law.
     history : LoadHistory
+        The loads over time.
     loads : Loads
         The loads of the K states in ``history``.
     seen_s : ndarray, shape (K,)
@@ -311,7 +317,7 @@ class StaticEvidence:
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the residual due to each source, see `Evidence.effects`."""
+        """Return the change of the residual due to each source of uncertainty, see `Evidence.effects`."""
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -407,7 +413,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros, because the sources change the modulus of the sag only a little; see `Evidence.effects`."""
+        """Return zeros: sources of uncertainty hardly change the modulus from the sag; see `Evidence.effects`."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 

@@ -16,13 +16,14 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return a decay (fitted vibrations) whose amplitudes in the frames are replaced by the true ones of the beam.
+    """Return fitted vibrations (a decay) with the true amplitudes of the beam in place of the amplitudes in the frames.
 
     The decay is returned unchanged if the amplitudes in the frames are below 30 % of the true amplitudes.
 
     Parameters
     ----------
     decay : Decay
+        The vibrations, fitted to the frames.
     exposure_s : float or None
         Exposure time of a frame; None if it is not known. The decay is then returned unchanged.
     """

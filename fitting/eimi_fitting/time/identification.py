@@ -65,6 +65,7 @@ class RecordedMotion:
     Attributes
     ----------
     motion : Motion
+        The measured positions of points over time.
     loads : Loads
         The loads in one state, after the step of the load.
     before : tuple of (float, Loads)
@@ -125,9 +126,11 @@ def identify_time(
     Parameters
     ----------
     law : Law
+        The hyperelastic law.
     shape : ndarray, shape (n,)
         The n parameters of the law. Only the ratios between the moduli are used.
     specimen : Specimen
+        The specimen of all motions.
     motions : sequence of RecordedMotion
         The motions. At least one of them must show a decaying vibration.
     stated : sequence of StatedSource
@@ -145,6 +148,7 @@ def identify_time(
     Returns
     -------
     LawOfTime
+        The modulus and the Prony series, with their uncertainty.
 
     Raises
     ------
@@ -223,7 +227,10 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return the doubt that a solid would have another modulus than the stated planar section, if it is by over 2 %."""
+    """Return a doubt if a solid section would give another modulus than the stated planar section.
+
+    There is no doubt for a difference of at most 2 %, and if the solid has no equilibrium.
+    """
     try:
         change = table.solid_over_stated_modulus() - 1
     except NoEquilibrium:

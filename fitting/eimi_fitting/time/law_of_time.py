@@ -1,4 +1,4 @@
-"""The fit of the viscoelastic (Prony) law of a material to all evidence together.
+"""The fit of the viscoelastic (Prony) law of a material to all data together.
 
 CMA-ES searches the unknowns of `time.terms` and the logarithm of the factor on the magnetic loads. A least-squares fit
 starts at the best candidate of the search. All errors and priors are taken as normal. With the residuals r(x) of the
@@ -6,8 +6,8 @@ unknowns x, the maximum of the posterior is the minimum of
 
     chi² = |r(x)|² + sum ((x - mean) / sigma)²,
 
-where mean and sigma are the means and standard deviations of the prior. The evidence Z for a number of terms is
-Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
+where mean and sigma are the means and standard deviations of the prior. The evidence Z, the probability density of the
+data for a given number of terms, is computed by Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
@@ -75,7 +75,9 @@ class Problem:
     Attributes
     ----------
     terms : Terms
+        The unknowns of the law, with their priors.
     evidence : tuple of Evidence
+        The ring-downs, the recordings of creep and the static states.
     load_sigma : float
         Prior standard deviation of the logarithm of the factor on the magnetic loads.
     """
@@ -143,6 +145,7 @@ class TimeOptimum:
     Attributes
     ----------
     problem : Problem
+        The fit, with its data and unknowns.
     unknowns : ndarray, shape (m,)
         The m unknowns at the optimum, in the order of `Problem.mean`.
     jacobian : ndarray, shape (k + m, m)
@@ -278,8 +281,8 @@ def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[Ti
     """Return the optimum with the chosen number of terms, and all optima that were computed.
 
     The problems have an increasing number of terms. Z is the probability density of the data for a number of terms
-    (evidence). Terms are added as long as ln Z increases by at least 1. The fewest
-    terms whose ln Z is within 1 of the largest are chosen.
+    (evidence). Terms are added as long as ln Z increases by at least 1. The smallest number of terms whose ln Z is
+    within 1 of the largest is chosen.
     """
     optima: list[TimeOptimum] = []
     for problem in problems:
@@ -326,6 +329,7 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     Parameters
     ----------
     optimum : TimeOptimum
+        The optimum of the fit.
     steps : mapping of str to ndarray
         See `TimeOptimum.steps`.
     seed : int

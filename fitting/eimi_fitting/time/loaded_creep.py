@@ -85,7 +85,9 @@ class LoadStep:
     Attributes
     ----------
     time_s : float
+        Time in s at which the loads begin.
     curve : LoadCurve
+        The moment of the loads as a function of the rotation of the tip.
     """
 
     time_s: float
@@ -120,6 +122,7 @@ def creep(
     Returns
     -------
     ndarray, shape (P, m)
+        The rotations in rad.
     """
     p, n = series.g.shape
     terms, rates, ones = instantaneous_Pa[:, None] * series.g, 1 / series.tau_s, np.ones(n)

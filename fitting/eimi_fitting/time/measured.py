@@ -23,6 +23,7 @@ class Motion:
     Parameters
     ----------
     kind : {"ring_down", "creep"}
+        Whether vibrations were recorded ("ring_down"), or the slow motion after a step of the load ("creep").
     points_mm : ndarray, shape (n, p, 2)
         Measured positions (x, y) of p points in n frames, in the beam frame; NaN where a point was not visible.
     rest_mm : ndarray, shape (p, 2)

@@ -98,6 +98,7 @@ class ModalFit:
         Parameters
         ----------
         signals : Signals
+            The signals of the ring-down.
         modes : ndarray, shape (m, 2)
             See the attribute ``modes``.
         has_bend : bool
@@ -150,7 +151,7 @@ class ModalFit:
 
     @property
     def cancels(self) -> bool:
-        """Whether close vibrations cancel each other, so that their amplitudes are far above the measured amplitude."""
+        """Whether vibrations of almost equal frequency cancel each other: they are much larger than their sum."""
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         parts = [self.vibration_mm(int(k)) for k in np.flatnonzero(close)]
         sizes = [float(np.abs(part).max()) for part in parts]
@@ -158,11 +159,11 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether frequency and loss factor change with the amplitude as little as those of a beam do."""
+        """Whether frequency and loss factor change with the amplitude by no more than in a ring-down of a beam."""
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with the largest of the close vibrations as the first mode."""
+        """Return the fit with the largest vibration near the frequency of the first mode as the new first mode."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))

@@ -74,6 +74,7 @@ class RingDown:
     higher_Hz : tuple of float
         Frequencies of the higher modes that were used.
     windows : tuple of Window
+        Frequency and loss factor in shorter parts of the recording (time windows).
     time_s, displacement_mm, envelope_mm : tuple of float
         Times of the frames. For the channel with the largest amplitude: displacement without the baseline (the slow
         motion), and envelope.
@@ -96,7 +97,11 @@ class RingDown:
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time."""
+    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time.
+
+    ``label`` is the origin of the recording, and ``time_s`` the time after the step of the load. ``sigma_deg`` is the
+    standard uncertainty of the measured rotation.
+    """
 
     label: str
     time_s: tuple[float, ...]
@@ -118,11 +123,14 @@ class LawOfTime:
     loss_factor : float
         Loss factor Im mu* / Re mu* of the material at ``frequency_Hz``.
     loss_interval_95 : tuple of float
+        Lower and upper end of the 95 % interval of the loss factor.
     dynamic_shear_modulus : Quantity
         Storage modulus Re mu* at ``frequency_Hz``. If there was no field, this modulus does not depend on the magnet's
         moment.
     prony : tuple of PronyTerm
+        The terms of the Prony series.
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
+        The modulus mu(0), and the limit of mu(t) for long times.
     known_between_s : tuple of float
         Range of times in which the data determine mu(t) to 5 %, without the sources of uncertainty that a file
         specifies.
@@ -132,16 +140,21 @@ class LawOfTime:
     static_age_s : float or None
         Median time between the setting of a static load and the measurement of the edges; None without static states.
     modulus_by_time : tuple of ModulusAt
+        The modulus mu(t) at several times.
     ring_downs : tuple of RingDown
+        The result for each ring-down.
     creep : tuple of CreepCurve
+        The measured and fitted rotations of each recording of creep.
     budget : tuple of BudgetEntry
         Contributions to the uncertainty of the dynamic modulus, the largest first.
     small_effects : tuple of SmallEffect
+        Effects that are estimated but not corrected, such as the air.
     log_evidence : tuple of float
         Logarithm of the evidence (probability density of the data) for one, two, ... terms.
     chi2, rows : float, int
         Sum of the squared residuals, each divided by its standard uncertainty, and number of residuals.
     doubts : tuple of str
+        Reasons to distrust the result, as texts; empty if there is none.
     evaluations : int
         Number of candidates that were computed.
     wall_s : float
@@ -204,7 +217,33 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and doubts."""
+    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and doubts.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The specimen of all motions.
+    optimum, optima : TimeOptimum and sequence of TimeOptimum
+        The optimum with the chosen number of terms, and the optima for all numbers of terms.
+    rings, creeps, static : tuple of RingEvidence, tuple of CreepEvidence, StaticEvidence or None
+        The ring-downs, the recordings of creep, and the static states if there are any.
+    data_s : tuple of float
+        Range of times in s that the data cover.
+    sources : mapping of str to float
+        Standard uncertainties by the keys of `SOURCES`.
+    steps : mapping of str to ndarray
+        Changes of the unknowns by these uncertainties, see `TimeOptimum.steps`.
+    load_sigmas : mapping of str to float
+        Relative standard uncertainties of the magnetic loads, see `relative_load_sigmas`.
+    draws, draws_fit : ndarray, shape (D, m)
+        Draws of the m unknowns, with the sources of uncertainty (``draws``) and without (``draws_fit``).
+    doubts : tuple of str
+        Doubts about the recordings.
+    exposure_s : float or None
+        Exposure time of a frame; None if it is not known.
+    wall_s : float
+        Time in s that the identification took.
+    """
     terms, at = optimum.problem.terms, optimum.unknowns[None]
     frequency = rings[0].decay.modes[0].frequency_Hz
     omega = 2 * np.pi * frequency

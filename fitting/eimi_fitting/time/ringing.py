@@ -62,9 +62,11 @@ class RingingBeam:
     Attributes
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     loads : Loads
         The loads in one state.
     law : Law
+        The hyperelastic law.
     shape : ndarray, shape (n,)
         The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
     hanging_N : float
@@ -159,6 +161,7 @@ class RingTable:
     Parameters
     ----------
     beam : RingingBeam
+        The specimen under its loads.
     middle_Pa : float
         The middle of the equilibrium moduli for which the modes are computed.
 

@@ -38,6 +38,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     Parameters
     ----------
     beam : RingingBeam
+        The specimen, with its law.
     modulus_Pa : float
         Initial shear modulus.
     loads, before : Loads
@@ -126,6 +127,7 @@ def slow_rotations(
     Parameters
     ----------
     motion : Motion
+        The recorded motion.
     signals : Signals
         All frames after the step.
     decay : Decay or None

@@ -54,6 +54,7 @@ def small_effects(
     Parameters
     ----------
     specimen : Specimen
+        The beam, with its magnet if it has one.
     loads : Loads
         The loads during the ring-down.
     frequency_Hz, loss : float

@@ -153,7 +153,7 @@ def weighed_causes(
     Parameters
     ----------
     problem : Problem
-        The problem of the fit, with the corrections of its residuals.
+        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
@@ -333,8 +333,8 @@ class _Weighing:
         exact at the same amplitudes (sizes of the causes). Otherwise one more cause would seem to make the agreement
         worse.
 
-        A cause that the fit has taken into account is in the part if it is in the hypothesis, because the shape at rest
-        would differ without it.
+        The part contains every cause of the hypothesis that the fit has taken into account, because the shape at rest
+        would differ without such a cause.
 
         Parameters
         ----------
@@ -374,8 +374,8 @@ class _Weighing:
     def _misfit(self, y: Array, amplitudes: Array) -> float:
         """Return the mean square of the part of ``y`` that ``amplitudes`` do not explain, over the noise variance.
 
-        ``y`` has the coefficients of the residuals with the opposite sign, in mm. ``amplitudes`` are the sizes of the
-        errors of the bench.
+        ``y`` has the coefficients of the residuals with the opposite sign, in mm. ``amplitudes`` are the changes of the
+        law and the sizes of the errors of the bench.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
@@ -425,7 +425,11 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of the probable hypotheses (sets of causes), which are simulated."""
+        """Return the indices of the probable hypotheses (sets of causes), which are simulated.
+
+        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one. In the
+        first passes, the single causes are included in any case.
+        """
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)
         near = score[order] > score.max() - far
@@ -450,7 +454,8 @@ class _Weighing:
         """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
 
         The residuals are computed with the linear model for ``amplitudes``, the changes of the law and the sizes of the
-        causes (errors of the bench). Points near the ends of an edge are counted.
+        causes (errors of the bench). The points near the ends of an edge are included, unlike in the comparison of
+        causes.
         """
         law, common, errors = len(self._about.law_spread), self._common, []
         for i, (residual, slopes, used) in enumerate(

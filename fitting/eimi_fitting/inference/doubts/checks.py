@@ -114,7 +114,7 @@ def check_explained(
     Parameters
     ----------
     final : Comparison
-        The residuals of the optimum, which is its first candidate.
+        The residuals of several candidates (sets of values of the unknowns). The first candidate is the optimum.
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
@@ -238,7 +238,7 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
     """Return a doubt for each prior that is more than three standard deviations from the other evidence.
 
-    A doubt is a reason to distrust the fit. The other evidence: the edges, the tensile curves and the other priors.
+    A doubt is a reason to distrust the fit. The other evidence is the edges, the tensile curves and the other priors.
     """
     return tuple(
         Doubt(
@@ -254,8 +254,8 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     """Return a doubt (reason to distrust the fit) for each mistake that was found in the stated loads.
 
-    slips: the mistakes, such as a reversed field. Without the mistake the error is less than half as large. The error
-    is the mean over the states of the root mean square residual in mm.
+    ``slips`` are the mistakes, such as a reversed field. If the mistake is corrected, the error is less than 0.4 of the
+    error with the stated loads. The error is the mean over the states of the root mean square residual in mm.
     """
     return tuple(
         Doubt(
@@ -357,7 +357,7 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     Parameters
     ----------
     final : Comparison
-        The residuals of the optimum, which is its first candidate.
+        The residuals of several candidates (sets of values of the unknowns). The first candidate is the optimum.
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     missing : sequence of str
@@ -399,9 +399,7 @@ def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
     """Return the stated noise of K states in mm, shape (K,), without the uncertainty that was added for flags.
 
-    A flag marks a defect of a picture.
-
-    The added uncertainty could hide a wrong law.
+    A flag marks a defect of a picture, such as blur. The uncertainty that is added for a flag could hide a wrong law.
     """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:

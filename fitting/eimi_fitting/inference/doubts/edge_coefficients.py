@@ -2,8 +2,8 @@
 
 Possible causes of residuals change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
 describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
-the beam model is similar in states with similar loads and on both edges. States and edges are therefore rotated to
-combinations in which the coefficients of such an error are independent.
+the beam model is similar in states with similar loads and on both edges. The coefficients of the states and edges are
+therefore replaced by linear combinations (a rotation), in which the coefficients of such an error are independent.
 """
 
 from __future__ import annotations
@@ -130,9 +130,10 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
     """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups of points.
 
-    For edges, the residuals minus their polynomials form a remainder, whose level and correlation give the variance. If
-    the remainder has fewer than ten points, and for tracked points, the stated uncertainty gives the variance. The
-    stated uncertainty of tracked points is common to all points of a state.
+    ``remainder`` has the residuals in mm minus their polynomials. For edges, the level and the correlation of the
+    remainder give the variance. If the remainder has fewer than ten degrees of freedom, and for tracked points, the
+    stated uncertainty gives the variance. The stated uncertainty of tracked points is common to all points of a state.
+    ``counts`` has the number of used points of each edge in each state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())

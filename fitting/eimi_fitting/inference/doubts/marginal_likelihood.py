@@ -47,8 +47,8 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        One row for each coefficient: its change of the N data, times the prior standard deviation of the coefficient.
-        The last row is zero.
+        One row for each coefficient: the change of the N data by the coefficient, times the prior standard deviation of
+        the coefficient. The last row is zero.
     members : ndarray, shape (H, q)
         Indices of the rows of ``columns`` that belong to each hypothesis. A hypothesis with fewer than q columns is
         filled up with the index of the last row.

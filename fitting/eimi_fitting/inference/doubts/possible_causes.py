@@ -59,7 +59,10 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the assumed deviations of specimen, loads and lens, without the factor on the field."""
+        """The experiment with the assumed deviations of specimen, loads and lens.
+
+        A deviation that only multiplies the field by a factor is not included; `setup` contains this factor.
+        """
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -248,7 +251,11 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit with the edges without a twist by a moment out of the plane (angle in deg)."""
+    """Return the assumptions of a fit with measured edges from which the effect of a twist is subtracted.
+
+    The magnet twists the beam if its moment points out of the plane of the picture. The only amplitude is the angle
+    between moment and plane in degrees.
+    """
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
 
@@ -270,7 +277,10 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads that describe a beam that softens in proportion to time, with equal time between states."""
+    """Return larger loads that describe a beam that softens in proportion to time, with equal time between states.
+
+    The only amplitude is the share of the stiffness that is lost between the first and the last state.
+    """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
@@ -289,12 +299,19 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads in the states after a decrease of the load, which describe a softer beam (hysteresis)."""
+    """Return larger loads in the states after a decrease of the load, which describe a softer beam (hysteresis).
+
+    The only amplitude is the share of the stiffness that is missing in these states.
+    """
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a field that varies in space: two gradients and a curvature along the axis of the coil."""
+    """Return the loads with a field that varies in space: two gradients and a curvature along the axis of the coil.
+
+    The three amplitudes are changes of the field as shares per metre: the two gradients, and the change of the gradient
+    at 10 mm from the centre due to the curvature.
+    """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:

@@ -167,7 +167,7 @@ class About:
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates (0 to 1).
     kept : ndarray of int, shape (l,)

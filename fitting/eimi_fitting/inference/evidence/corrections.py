@@ -7,7 +7,7 @@ the optimum of r. The fit is repeated with the residuals
 
 (deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R. The computation
 costs little more than one candidate on the better model. The changes R - r of several better models are added. A share
-of the change of the optimum remains uncertain. This share widens the interval as the 95 % bound of a normal error does.
+of the change of the optimum remains uncertain. This share counts as the 95 % bound of a normal error in the interval.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
 the displacement at the distance r from the corner grows as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent

@@ -32,7 +32,7 @@ TOLERANCE_MM = (
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen in K states, with its loads and measurements.
+    """One specimen under K loads (the states), with the measurements of every state.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ class Experiment:
         The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
         Measured deviations of the specimen in ``model`` from the stated specimen. Each key is a source (a key of
-        `SOURCES`). Each value has one number for each part of this source, in the unit of the source. "taper" has one
-        more: the width at both ends minus the width in the middle, in mm.
+        `SOURCES`). Each value has one number for each part of this source, in the unit of the source. The source
+            "taper" has one more number: the width at both ends minus the width in the middle, in mm.
 
     Examples
     --------
@@ -172,8 +172,8 @@ class Comparison:
     max_stretch : ndarray, shape (P,)
         Largest stretch in the beam over all states, for each candidate.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if the candidates differ in more than law, field and
-        image.
+        Simulated shapes of the beam in each experiment. Empty if the candidates have different specimens or loads,
+        because the meshes may then differ. Candidates may differ in law, strength of the field and lens.
     misfits : tuple of Misfit
         Residuals of the candidates in each experiment.
     """
@@ -186,17 +186,20 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance in mm, shape (P, K), for P candidates in the K states of all experiments."""
+        """Root mean square distance of measured from simulated points in mm, (P, K), for P candidates in K states."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the distances in mm, (P, K), for P candidates in the K states of all experiments."""
+        """Standard deviation in mm, (P, K), of the distances whose root mean square is ``error_mm``."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean over all states of the root mean square distance in mm, (P,); `DISCARDED_MM` for invalid candidates."""
+        """Mean over all states of ``error_mm``, for P candidates, shape (P,), in mm.
+
+        The value is `DISCARDED_MM` for a candidate without an equilibrium or with an unstable law.
+        """
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:

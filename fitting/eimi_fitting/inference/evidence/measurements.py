@@ -89,7 +89,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return, for each point, the x and y (b, n) of a vector of ``of_segment`` that belongs to its nearest segment.
+        """Return x and y (b, n) of the vector in ``of_segment`` that belongs to the segment nearest to each point.
 
         Two arrays are faster than sums over an axis of length two.
         """
@@ -168,8 +168,8 @@ class EdgeObservation:
     view : View, optional
         Perspective of the lens. None if the lens is telecentric or if no file specifies the stand-off of the lens.
     noise_mm : ndarray, shape (K, 2, n), optional
-        Standard deviation of the noise of each point in mm, without the uncertainty that flags have added to
-        ``sigma_mm``. The checks of a fit compare the residuals with ``noise_mm``.
+        Standard deviation of the noise of each point in mm. It does not contain the uncertainty that was added to
+        ``sigma_mm`` for defects of the picture (flags). The checks of a fit compare the residuals with ``noise_mm``.
 
     Examples
     --------

@@ -2,9 +2,9 @@
 
 State k has the error e_k in mm (`inference.evidence.measurements`), and e is the mean of e_k over all states. Let the
 noise of the edges be normal. The likelihood of N independent points, maximised over the noise level, is then
-proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). Tensile curves, freed nuisances and
-priors on the law's parameters have standardised residuals z_j, with the likelihood exp(-sum_j z_j^2 / 2). The product
-of both likelihoods is largest where
+proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). Tensile curves, freed nuisances
+(uncertain inputs that the fit determines) and priors on the law's parameters have standardised residuals z_j, with the
+likelihood exp(-sum_j z_j^2 / 2). The product of both likelihoods is largest where
 
     objective = e * exp(sum_j z_j^2 / (2 N))
 
@@ -135,9 +135,9 @@ class Problem:
     law : Law
         The hyperelastic law.
     unknowns : Unknowns
-        The unknowns of the fit.
+        The quantities that the fit determines, with their bounds.
     experiments : tuple of Experiment
-        The experiments.
+        The specimens with their loads and measured edges or points.
     curves : tuple of TensileEvidence
         Tensile curves that are fitted together with the experiments.
     priors : tuple of Prior
@@ -170,7 +170,11 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function for `polish` that evaluates candidates and starts the solver from an earlier evaluation."""
+        """Return the function that the Gauss-Newton method (`polish`) calls to evaluate candidates.
+
+        The function takes candidates in unit coordinates (0 to 1), and an earlier evaluation from whose shapes the
+        solver starts, or None. ``independent_points`` is the number of independent edge points.
+        """
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.shapes if near else (), keep=True
         )

@@ -140,7 +140,10 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with gravity and tip forces rotated; tip forces are weights that hang from the tip."""
+    """Return the loads with gravity and tip forces rotated by the angle ``deviation`` (1,) in degrees.
+
+    The tip forces are weights that hang from the tip, and therefore point along gravity.
+    """
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -150,9 +153,10 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with field and gravity rotated by minus the deviation of the direction of the beam.
+    """Return the loads for a beam whose direction in the picture differs by ``deviation`` (1,) in degrees.
 
-    The directions of field and gravity in the picture stay the same.
+    The directions of field and gravity in the picture stay the same. In the frame of the beam, both are therefore
+    rotated by minus the deviation.
     """
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 

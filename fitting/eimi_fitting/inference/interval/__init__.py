@@ -1,6 +1,6 @@
 """Compute the 95 % intervals of the parameters of an identified hyperelastic law.
 
-covariance           the linearised evidence and the covariance of the optimum
+covariance           the linearised evidence (edges, tensile curves, priors) and the covariance of the optimum
 noise                level and correlation of the noise that the stated sources do not explain
 considered           the effect of stated uncertainties on the estimate
 budget               the contribution of each source of uncertainty to the interval

@@ -5,8 +5,8 @@ Let x be the optimum, d_s the change of the optimum for one standard uncertainty
 
     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
 
-A source may have several parts, such as x and y of the clamp. Its effect is then the root of the sum of the squared
-effects of its parts.
+A source may have several parts, such as x and y of the clamp. The effect of the source is then the root of the sum of
+the squared effects of the parts.
 """
 
 from __future__ import annotations

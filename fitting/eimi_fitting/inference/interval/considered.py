@@ -95,8 +95,9 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
     """Return important sources of uncertainty that no file specifies, with their usual uncertainty.
 
-    These sources have ``Source.is_decisive`` and are not freed (the fit does not determine them). A source is returned
-    only if it changes the specimen and if the specimen is in a field.
+    An important source (``Source.is_decisive``) is an input whose usual error changes the modulus much, such as the
+    direction of magnetisation. A source is returned if the fit does not determine it, if it changes the specimen, and
+    if the specimen is in a field.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -127,7 +128,7 @@ def considered(
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates (0 to 1).
     groups : sequence of SharedUnknowns, optional
@@ -160,7 +161,7 @@ def changes_of(
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
         Unit coordinates at which the changes are computed. A source that the fit determines (a freed source) starts
         from its value at these coordinates.

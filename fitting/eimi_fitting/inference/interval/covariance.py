@@ -203,7 +203,7 @@ class Linearisation:
     def prior_distances(self) -> tuple[float, ...]:
         """Return the distance of each prior on a parameter of the law from the other evidence.
 
-        The other evidence: the edges, the tensile curves and the other priors.
+        The other evidence is the edges, the tensile curves and the other priors.
 
         Returns
         -------
@@ -260,7 +260,10 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return the number of independent points of all experiments, from the residuals of the first candidate."""
+    """Return the number of independent points of all experiments, from the residuals of the first candidate.
+
+    ``misfits`` has the residuals of the candidates in each experiment.
+    """
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
         for m, e in zip(misfits, problem.experiments, strict=True)
@@ -273,7 +276,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     optimum : Optimum
         The optimum of the problem, with the evaluations for the differences.
     likelihood_points : float, optional

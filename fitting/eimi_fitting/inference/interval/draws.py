@@ -156,5 +156,8 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two 95 % intervals, from draws with all uncertainties and from draws of the fit alone."""
+    """Return a value with two 95 % intervals, computed from two sets of draws.
+
+    The draws ``drawn`` contain all uncertainties. The draws ``fit_alone`` contain only noise and the error of the mesh.
+    """
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

@@ -1,4 +1,4 @@
-"""Compute the 95 % intervals of the unknowns of a fit, and name the combinations that the data determine.
+"""Compute the 95 % intervals of the unknowns of a fit, and name the combinations of unknowns that the data determine.
 
 - The covariance of the optimum is computed from the linearised evidence (`inference.interval.covariance`). The noise
   level is that of the residuals.

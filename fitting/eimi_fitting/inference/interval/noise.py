@@ -94,7 +94,8 @@ class Effect:
 class Noise:
     """The evidence of a fit linearised at the optimum, with noise separated from errors of uncertain inputs.
 
-    The evidence: edges, tensile curves and priors. Noise: the part of the residuals that no uncertain input explains.
+    The evidence is the edges, tensile curves and priors. Noise is the part of the residuals that no uncertain input
+    explains.
 
     Parameters
     ----------
@@ -133,7 +134,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
@@ -147,8 +148,8 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
     Notes
     -----
-    Let the noise have N independent points and the mean error e in mm, and let E be that of all residuals. The
-    likelihood uses N (E / e)^2 points, so that the weights w_k are those of the noise.
+    Let the noise have N independent points and the mean error e in mm, and let E be the mean error in mm of all
+    residuals. The likelihood uses N (E / e)^2 points, so that the weights w_k correspond to the level of the noise.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -202,7 +203,7 @@ def _explained(
 ) -> Explained:
     """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised evidence.
 
-    The evidence (edges, tensile curves, priors) is that of the step with the least objective.
+    The evidence (edges, tensile curves, priors) is linearised at the step with the least objective.
     """
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
@@ -268,7 +269,8 @@ def _value(
 def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
-    The shape is (n, K, G, m) for G groups of m points in K states.
+    ``misfit`` has the residuals of 2 n + 1 candidates, and ``distance`` (n,) the distance of the two candidates of each
+    difference. The shape of the result is (n, K, G, m) for G groups of m points in K states.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -301,7 +303,7 @@ def _least(
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     states : sequence of LinearStates
         The states, linearised at the point ``at``.
     at : ndarray, shape (n + S,)

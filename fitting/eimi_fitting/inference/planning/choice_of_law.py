@@ -47,7 +47,8 @@ class Candidate:
     held_out_error_mm : float or None
         Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     stated_squares : float
-        Sum over the priors and the sources of uncertainty: squared deviation at the optimum, in standard uncertainties.
+        Sum of the squared deviations of the parameters from their priors and of the uncertain inputs from their stated
+        values, at the optimum, in standard uncertainties.
     """
 
     model: str

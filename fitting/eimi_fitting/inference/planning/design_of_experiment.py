@@ -51,7 +51,7 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A hyperelastic law with n parameters from an earlier fit, shape (n,), in the units of the law."""
+    """A hyperelastic law from an earlier fit, with the values of its n parameters, (n,), in the units of the law."""
 
     law: Law
     parameters: Array
@@ -247,7 +247,8 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the mesh of the later fit. The mesh error counts unless the section is solid.
+        Number of elements along the beam in the mesh of the later fit. The error of this mesh is one more source of
+        uncertainty, unless the section is solid.
 
     Returns
     -------
@@ -301,7 +302,10 @@ def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
 def experiment_without_noise(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return an experiment whose edges are those of the known law, without noise."""
+    """Return an experiment in which the measured edges are the simulated edges of the known law, without noise.
+
+    The stated uncertainty of each edge point is ``noise.residual_mm``.
+    """
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -346,7 +350,7 @@ def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
     """Return the derivative of the goal quantity in n unknowns over its value, (n,); KeyError for an unknown name.
 
-    Goal quantity: the initial shear modulus or the parameter of the law whose interval is to be narrow.
+    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow.
     """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:

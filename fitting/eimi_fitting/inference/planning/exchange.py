@@ -69,7 +69,7 @@ def exchange(criterion: Criterion, count: int) -> Choice:
 def _filled(criterion: Criterion, count: int) -> Choice:
     """Return the indices of ``count`` states, chosen one by one so that each state lowers the criterion most.
 
-    Criterion: the number to be minimised, such as the variance of the modulus.
+    The criterion is the number to be minimised, such as the variance of the modulus.
     """
     chosen: list[int] = []
     while len(chosen) < count:

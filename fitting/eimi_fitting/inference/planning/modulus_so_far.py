@@ -60,9 +60,9 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect of a solid section, and the modulus in Pa at its first computation.
+    """The depth effect of a solid section, and the modulus in Pa with which it was first computed.
 
-    Depth effect: displacements of the three-dimensional model minus displacements of the planar model.
+    The depth effect is the displacements of the three-dimensional model minus the displacements of the planar model.
     """
 
     effect: DepthEffect

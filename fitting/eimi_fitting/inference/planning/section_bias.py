@@ -71,7 +71,9 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return the loads of two states: the full load turns the tip of the beam by about 45 degrees, half of it is first.
+    """Return the loads of two states: half of the full load, then the full load.
+
+    The full load turns the tip of the beam by about 45 degrees.
 
     The load is a field across the beam if the specimen is magnetic, else a tip force. There is no gravity.
     """

@@ -88,7 +88,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
     Parameters
     ----------
     problem : Problem
-        The problem of the fit.
+        The law, the unknowns and the measurements of the fit.
     independent_points : float
         Number of independent edge points.
 
@@ -130,7 +130,7 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Evaluate candidates with S moduli in Pa; other coordinates of the law have the middle of their ranges."""
+    """Evaluate candidates with S moduli in Pa; every other coordinate of the law is in the middle of its range."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 

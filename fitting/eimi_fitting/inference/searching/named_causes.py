@@ -135,9 +135,9 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Parameters
     ----------
     problem : Problem
-        The problem of the fit on the coarse mesh of the search.
+        The law, the unknowns and the measurements of the fit, with the coarse mesh of the search.
     scan : Scan
-        The scan of the whole problem, with more moduli about its best modulus (`narrowed`).
+        The scan of all datasets together, with more moduli near the best modulus (`narrowed`).
     independent_points : float
         Number of independent edge points.
 
@@ -172,7 +172,8 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
     """Return the smallest error in mm of a scan over moduli with loads corrected for the mistake ``cause``.
 
-    The error is the mean over the states of the root mean square residual. Infinite if the correction changes no load.
+    ``alone`` is the fit of one dataset. The error is the mean over the states of the root mean square residual. It is
+    infinite if the correction changes no load.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)

@@ -130,7 +130,7 @@ def polish(
     Parameters
     ----------
     evaluate : callable
-        Takes P candidates of n unknowns in unit coordinates (0 to 1), (P, n),, and an earlier evaluation of similar
+        Takes P candidates of n unknowns in unit coordinates (0 to 1), (P, n), and an earlier evaluation of similar
         candidates or None. Returns the evaluation of the P candidates.
     unit : ndarray, shape (n,)
         The start in unit coordinates.
@@ -176,7 +176,11 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return the damped Gauss-Newton step (n,) from ``unit`` (n,) to a point within the unit cube."""
+    """Return the damped Gauss-Newton step (n,) from ``unit`` (n,) to a point within the unit cube.
+
+    ``here`` has the residuals of the candidates of `difference_batch`, and ``distance`` (n,) their distances.
+    ``damping`` is added to the diagonal of the Hessian.
+    """
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))

@@ -285,7 +285,7 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation to the history and report it to ``progress``."""
+        """Add one generation to the history, and call the function ``progress`` of `search` with it."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
