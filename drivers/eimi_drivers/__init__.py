@@ -11,7 +11,7 @@ testing       checks that test a driver, also a driver of another package
 serial_ports  list the serial ports of this computer
 lan_instruments  list the instruments that announce themselves on the network
 discovery     list the instruments that are attached
-clock         a clock of real seconds for real instruments, and a clock of simulated seconds for the virtual rig
+clock         a clock of real seconds for real instruments, and a clock of simulated seconds for simulated instruments
 
 This package handles set-points, measured values and pixels only. The package imports neither `eimi_lab` nor
 `eimi_fitting`.

@@ -21,7 +21,7 @@ from eimi_drivers.interfaces import (
 
 
 def check_supply_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `SupplyDriver`, or is a class without a needed member.
+    """Raise UnusableDriver if a driver does not take the arguments of `SupplyDriver`, or lacks a required method.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def check_supply_driver(name: str, driver: object) -> None:
 
 
 def check_camera_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `CameraDriver`, or is a class without a needed member.
+    """Raise UnusableDriver if a driver does not take the arguments of `CameraDriver`, or lacks a required method.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def check_camera_driver(name: str, driver: object) -> None:
 
 
 def check_sensor_driver(name: str, driver: object) -> None:
-    """Raise UnusableDriver if a driver cannot be called like `SensorDriver`, or is a class without a needed member.
+    """Raise UnusableDriver if a driver does not take the arguments of `SensorDriver`, or lacks a required method.
 
     Parameters
     ----------
@@ -130,7 +130,10 @@ def _class_faults(driver: object, protocol: type) -> Iterator[str]:
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """Yield the name and a description of each protocol member that `subject` lacks or that cannot be called."""
+    """Yield the name and a description of each member of an interface that `subject` lacks or that cannot be called.
+
+    `protocol` is the interface, a `typing.Protocol` such as `PowerSupply`.
+    """
     for name, kind in protocol.__annotations__.items():
         if not hasattr(subject, name):
             yield name, f"{name} is missing (needed: an attribute of type {kind})"
@@ -145,7 +148,7 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a description of the fault if `subject` does not accept the arguments of a method of the protocol.
+    """Yield a description of the fault if `subject` does not accept the arguments of a method of an interface.
 
     Parameters
     ----------
@@ -154,7 +157,7 @@ def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: 
     subject : object
         The driver's object that is called like the method.
     member : callable
-        The method in the protocol, which defines the arguments.
+        The method in the interface (a `typing.Protocol`), which defines the arguments.
     owner : object
         The class or the instrument that has `subject` as its method. A method of a class also takes ``self``.
     """

@@ -5,8 +5,8 @@ camera is any object with the members of `Camera`, and a sensor is any object wi
 is not needed. A driver is a class or a function that opens an instrument and returns the object for it. The arguments
 of a driver are defined by `SupplyDriver`, `CameraDriver` and `SensorDriver`.
 
-The members listed in a protocol are required. The protocol's docstring lists the optional members. For each optional
-member it gives the value that eimi-lab assumes if the member is absent.
+Each interface is a `typing.Protocol`. Its members are required. Its docstring lists the optional members, and the value
+that eimi-lab assumes if an optional member is absent.
 
 `open_supply`, `open_camera` and `open_sensor` check that the driver and the instrument have the required members, and
 report all missing members in one line. `check_supply`, `check_camera` and `check_sensor` of `eimi_drivers.testing`
@@ -38,7 +38,7 @@ class EndOfPlayback(InstrumentDisconnected):
 
 
 class ReplyNotUnderstood(InstrumentError):
-    """Report an answer whose form the instrument's protocol does not allow."""
+    """Report an answer that does not have the form that the manual of the instrument describes."""
 
 
 class SetPointRefused(InstrumentError):
@@ -395,7 +395,7 @@ class Sensor(Protocol):
         InstrumentDisconnected
             The line was cut or closed.
         ReplyNotUnderstood
-            The answer does not have the form that the sensor's protocol defines.
+            The answer does not have the form that the manual of the sensor describes.
         """
 
     def close(self) -> None:
@@ -417,7 +417,7 @@ class SensorDriver(Protocol):
 
 
 class Clock(Protocol):
-    """The clock of a rig: real time with real instruments, simulated time with simulated instruments."""
+    """A clock with which drivers measure time and wait: real time, or simulated time with simulated instruments."""
 
     def now(self) -> float:
         """Return the time since an arbitrary zero, s. The time never decreases."""

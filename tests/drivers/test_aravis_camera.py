@@ -101,7 +101,7 @@ def test_a_bayer_mosaic_arrives_in_colours(still: CameraProcess, name: str, dtyp
         (CameraSettings(pixel_format="YUV422"), r"pixel_format = 'YUV422': pixel_format must be one of Mono8"),
         (
             CameraSettings(trigger="Line7"),
-            r"trigger = 'Line7' must be one of the sources of this camera: Line0, software",
+            r"trigger = 'Line7' must be one of the trigger sources of this camera: Line0, software",
         ),
         (CameraSettings(trigger="Line0", frame_rate_Hz=5.0), "a triggered camera has no frame_rate_Hz"),
     ],

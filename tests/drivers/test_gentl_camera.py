@@ -55,7 +55,7 @@ def test_settings_are_read_back_and_a_camera_without_a_trigger_runs_freely(produ
         (CameraSettings(region=(0, 0, 9999, 100)), r"region = \(0, 0, 9999, 100\): .*"),
         (CameraSettings(region=(8, 0, 200, 100)), r"region = .*: this camera has no OffsetX"),
         (CameraSettings(bit_depth=12), r"bit_depth = 12: pixel_format must be one of Mono8"),
-        (CameraSettings(trigger="Line1"), r"trigger = 'Line1' must be one of the sources of this camera: none"),
+        (CameraSettings(trigger="Line1"), r"trigger = 'Line1' must be one of the trigger sources of this camera: none"),
     ],
 )
 def test_settings_that_the_camera_cannot_have_are_refused(producer: Path, settings: CameraSettings, words: str) -> None:

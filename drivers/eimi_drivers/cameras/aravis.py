@@ -53,7 +53,7 @@ LARGEST_ID = 65535
 
 @dataclass(frozen=True)
 class Attached:
-    """A camera that Aravis lists.
+    """A camera that the library Aravis has found on the network or on USB.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ class AravisCamera:
 
     The settings select one of three ways to expose:
 
-    - If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure. A frame is then never older
-      than the call. If the frame does not arrive completely, `grab` triggers again until its timeout.
+    - If neither a frame rate nor a trigger input is set, every `grab` triggers an exposure. The exposure then never
+      begins before the call. If the frame does not arrive completely, `grab` triggers again until its timeout.
     - With a frame rate, the camera exposes at this rate.
     - With a trigger input, the camera exposes at each signal on this input.
 
@@ -134,7 +134,7 @@ class AravisCamera:
         InstrumentDisconnected
             No camera answers at the IP address, or no camera has the serial number.
         SetPointRefused
-            The camera does not permit a value.
+            The camera does not permit the value of a setting.
         SetPointNotTaken
             A value that was read back differs from the requested value.
         InstrumentError
@@ -411,7 +411,7 @@ class AravisCamera:
 
 
 class _ControlChannel:
-    """A thread that makes calls to a camera one after the other, so that the caller does not wait for their ends.
+    """A thread that makes calls to a camera one after the other, so that the caller need not wait until they end.
 
     Aravis waits up to 5 s for the answer of a camera that was disconnected.
     """

@@ -28,7 +28,7 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
     Raises
     ------
     SetPointRefused
-        The camera does not permit a value.
+        The camera does not permit the value of a setting.
     InstrumentDisconnected, InstrumentError
         The camera does not answer, or reports an error.
     """
@@ -57,9 +57,10 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
 
 @contextmanager
 def _named(key: str, value: object) -> Iterator[None]:
-    """Put the key in the rig file and its value before the message of an error that is raised in the context.
+    """Let the message of an error in the `with` block begin with the name of a setting and its value.
 
-    The message of Aravis alone names only the feature of the camera, not the key in the rig file.
+    `key` is the name of the setting in the rig file. The message of Aravis alone contains only the camera's own name of
+    the setting.
     """
     try:
         yield
@@ -98,7 +99,7 @@ def _set_pace(aravis: Aravis, camera: int, settings: CameraSettings) -> tuple[st
     offered = aravis.strings("camera_dup_available_trigger_sources", camera)
     if source not in offered:
         sources = ", ".join(SOFTWARE if name == "Software" else name for name in offered) or "none"
-        raise SetPointRefused(f"trigger = {trigger!r} must be one of the sources of this camera: {sources}")
+        raise SetPointRefused(f"trigger = {trigger!r} must be one of the trigger sources of this camera: {sources}")
     aravis.camera_set_trigger(camera, source.encode())
     answered = aravis.camera_get_trigger_source(camera).decode()
     return (SOFTWARE if answered == "Software" else answered), None

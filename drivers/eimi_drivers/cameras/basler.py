@@ -36,7 +36,7 @@ BUFFERS = 32
 class BaslerCamera:
     """A Basler camera that is controlled with pypylon.
 
-    Without a frame rate every `grab` triggers a new exposure. A frame is then never older than the call. With a frame
+    Without a frame rate every `grab` triggers an exposure, which then never begins before the call. With a frame
     rate the camera exposes at this rate, and `grab` returns the frames in the order of their exposure. The frame number
     is the camera's block identifier. The time stamp comes from the camera's clock, or from the computer's clock if the
     camera sends no time stamp. If the transfer of a frame fails, `grab` raises InstrumentError, and the number of this
@@ -60,7 +60,7 @@ class BaslerCamera:
         InstrumentDisconnected
             No attached camera has this serial number or index.
         SetPointRefused
-            The camera does not permit a value.
+            The camera does not permit the value of a setting.
         SetPointNotTaken
             A value that was read back differs from the requested value.
         InstrumentError

@@ -79,7 +79,7 @@ class GenTLCamera:
         InstrumentDisconnected
             No camera that the producers list has this serial number or identifier.
         SetPointRefused
-            The camera does not permit a value.
+            The camera does not permit the value of a setting.
         SetPointNotTaken
             A value that was read back differs from the requested value.
         InstrumentError
@@ -229,7 +229,9 @@ class GenTLCamera:
             if settings.trigger is None:
                 return None  # the camera runs freely
             listed = ", ".join(SOFTWARE if offered == "Software" else offered for offered in sources) or "none"
-            raise SetPointRefused(f"trigger = {requested!r} must be one of the sources of this camera: {listed}")
+            raise SetPointRefused(
+                f"trigger = {requested!r} must be one of the trigger sources of this camera: {listed}"
+            )
         if selector := self._node("TriggerSelector"):
             selector.value = "FrameStart"
         mode.value, source.value = "On", name

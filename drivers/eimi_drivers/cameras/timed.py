@@ -90,7 +90,7 @@ class TimedCamera:
         self._within(ANSWER_WITHIN_S, "flush", self._camera.flush)
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame. The time limit is `timeout_s` (s) of the driver plus `GRACE_S`."""
+        """Return the next frame. The driver may take `timeout_s` (s), and the whole call `GRACE_S` longer."""
         return self._within(timeout_s + GRACE_S, "grab", lambda: self._camera.grab(timeout_s))
 
     @property

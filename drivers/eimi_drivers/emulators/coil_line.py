@@ -30,7 +30,7 @@ class _CurrentResponder:
 
 
 def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
-    """Serve the true current of a coil on a TCP port while the context lasts, and yield the address.
+    """Serve the true current of a coil on a TCP port while the `with` block runs, and yield the address.
 
     The form of the address is `ADDRESS`. If `port` is 0, a free port is used.
     """

@@ -65,7 +65,7 @@ def serve_gige(
     shutter: str = "Global",
     triggers_per_s: float = 100.0,
 ) -> Iterator[GigECamera]:
-    """Serve an emulated GigE Vision camera while the context lasts, and yield the camera.
+    """Serve an emulated GigE Vision camera while the `with` block runs, and yield the camera.
 
     The camera runs in threads of Aravis. Only one camera can be served at each address. The camera cannot send lost
     packets again and has no heartbeat. Nothing is connected to its trigger input.

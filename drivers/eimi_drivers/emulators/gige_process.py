@@ -57,7 +57,7 @@ class CameraProcess:
 def gige_process(
     prepare: Callable[[], Callable[[], NDArray[np.uint8]]], size_px: tuple[int, int], **camera: Any
 ) -> Iterator[CameraProcess]:
-    """Serve an emulated camera from a new process while the context lasts, and yield the process.
+    """Serve an emulated camera from a new process while the `with` block runs, and yield the process.
 
     Parameters
     ----------

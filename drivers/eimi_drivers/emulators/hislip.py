@@ -19,7 +19,7 @@ LARGEST_MESSAGE = 1 << 20
 
 @contextmanager
 def serve_hislip(instrument: Responder) -> Iterator[str]:
-    """Serve an emulated instrument over HiSLIP while the context lasts, and yield its VISA address.
+    """Serve an emulated instrument over HiSLIP while the `with` block runs, and yield its VISA address.
 
     If a fault cuts the line, the connection over which the message arrived is closed.
     """

@@ -45,7 +45,7 @@ class ScpiDialect:
     supply : CoilSupply
         The model of the supply and its coil.
     channel : int
-        The channel that feeds the coil.
+        The channel (the output of the supply) that feeds the coil.
 
     Attributes
     ----------

@@ -92,7 +92,7 @@ class KeysightE3632ADialect(KeysightE364xDialect):
 
 
 class SiglentSpdDialect(_SeveralChannels):
-    """Emulated Siglent SPD, whose status word reports the output.
+    """Emulated Siglent SPD, whose status word tells whether the output is on.
 
     A message contains the channel in its header or in its argument.
     """

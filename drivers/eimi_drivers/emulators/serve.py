@@ -138,7 +138,7 @@ def open_terminal() -> tuple[int, int, str]:
 
 @contextmanager
 def serve_pty(instrument: Responder) -> Iterator[str]:
-    """Serve an emulated instrument on a pseudo-terminal while the context lasts, and yield the path of the port.
+    """Serve an emulated instrument on a pseudo-terminal while the `with` block runs, and yield the path of the port.
 
     If a fault cuts the line, the terminal is closed. Raises InstrumentError if the operating system has no
     pseudo-terminals.
@@ -171,7 +171,7 @@ def serve_pty(instrument: Responder) -> Iterator[str]:
 
 @contextmanager
 def serve_tcp(instrument: Responder, host: str = "127.0.0.1", port: int = 0) -> Iterator[str]:
-    """Serve an emulated instrument on a TCP port while the context lasts, and yield the VISA address of the socket.
+    """Serve an emulated instrument on a TCP port while the `with` block runs, and yield the VISA address of the socket.
 
     If a fault cuts the line, the connection is closed.
 

@@ -37,12 +37,12 @@ class SensorBase(ABC):
     link : Transport
         The line (the serial, USB or network connection) to the sensor. The constructor sends nothing.
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
 
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file.
+        The name of the driver in a rig file, which lists the instruments of a set-up.
     timeout_s : float
         The longest time that the driver waits for an answer, s.
     baud_rate : int
@@ -102,7 +102,7 @@ class SensorBase(ABC):
         InstrumentDisconnected
             The line was cut or closed.
         ReplyNotUnderstood
-            The answer does not have the form that the sensor's protocol defines.
+            The answer does not have the form that the manual of the sensor describes.
         """
 
     def close(self) -> None:

@@ -43,7 +43,7 @@ class CoilThermometer:
     measure : callable
         Returns the measured output of the supply, a `Reading`.
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
     at_rest_degC : float
         The temperature T₀ of the coil before the run, °C, which is the temperature of the room.
     at_rest_A : float

@@ -32,7 +32,7 @@ def open_sensor(driver: str, address: str, clock: Clock | None = None) -> Sensor
     address : str
         A serial port or a VISA resource, in the form that the driver expects.
     clock : Clock, optional
-        The clock of the rig; the default is the wall clock.
+        The clock for all waits; the default is real time (the wall clock).
 
     Returns
     -------
@@ -65,7 +65,7 @@ def open_with(driver: SensorDriver, name: str, address: str, clock: Clock) -> Se
     address : str
         A serial port or a VISA resource, in the form that the driver expects.
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
 
     Raises
     ------

@@ -21,7 +21,7 @@ _CHANNEL = re.compile(r"(.*)#(\d{1,3})")
 
 
 def split_address(address: str) -> tuple[str, int | None]:
-    """Return an address without its channel, and the number of the channel.
+    """Return an address without its channel (an output of the supply), and the number of the channel.
 
     For an address that ends in ``#2`` the channel is 2. If the address contains no channel, the number is None.
     """

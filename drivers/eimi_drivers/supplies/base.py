@@ -48,11 +48,11 @@ class SupplyBase(Conversation, ABC):
     Parameters
     ----------
     link : Transport
-        The line to the supply. The constructor sends nothing.
+        The line (the serial, USB or network connection) to the supply. The constructor sends nothing.
     limits : Limits
         The largest permitted set-points.
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class SupplyBase(Conversation, ABC):
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file.
+        The name of the driver in a rig file, which lists the instruments of a set-up.
     current_step_A, voltage_step_V : str
         The steps of the set-points (A, V) as decimal text.
     bipolar : bool
@@ -74,8 +74,8 @@ class SupplyBase(Conversation, ABC):
     read_backs : int
         The number of consecutive correct answers after which a set-point counts as verified.
     protections : str
-        A description of the protections inside the supply that `set_output` arms and reads back. Empty if the driver
-        arms no protection.
+        A description of the protections inside the supply that `set_output` arms (switches on) and reads back. Empty if
+        the driver arms no protection.
     without_contact : str
         A text that describes what the output does if the cable is pulled or the computer fails.
     """
@@ -160,7 +160,7 @@ class SupplyBase(Conversation, ABC):
         return ""
 
     def _protect(self) -> None:
-        """Arm the protections inside the supply and read them back, before the output is switched on."""
+        """Arm (switch on) the protections inside the supply and read them back, before the output is switched on."""
 
     def _arm_watchdog(self) -> None:
         """Start the watchdog before the output is switched on.
@@ -280,8 +280,8 @@ class SupplyBase(Conversation, ABC):
     def _reopen_and_compare(self) -> bool:
         """Reopen the line, check that the same supply answers, and return whether its output is off already.
 
-        Without a check, False is returned if the line cannot be reopened or no supply was identified before. Raises
-        SwitchOffFailed if another supply may answer on the reopened line.
+        If the line cannot be reopened, or if no supply was identified before, nothing is checked and the result is
+        False. Raises SwitchOffFailed if another supply may answer on the reopened line.
         """
         try:
             if not self._link.reopen() or self._bound is None:

@@ -1,4 +1,4 @@
-"""Ask a supply queries over its line, check the form of the answers, and compare its identity with the first one."""
+"""Send queries to a supply, check the form of the answers, and check that the same supply answers every time."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ class Conversation:
     Parameters
     ----------
     link : Transport
-        The line to the supply.
+        The line (the serial, USB or network connection) to the supply.
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
 
     Attributes
     ----------
     name : str
-        The name of the driver in a rig file.
+        The name of the driver in a rig file, which lists the instruments of a set-up.
     """
 
     name: ClassVar[str]
@@ -90,7 +90,7 @@ class Conversation:
         Raises
         ------
         AnotherSupply
-            The identity differs from the stored one.
+            The identity differs from the stored identity.
         """
         address = self._link.address
         identity = Identity(self.name, text, address, serial_number or usb_serial_number(address))

@@ -8,7 +8,7 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class InterruptibleTransport:
-    """A line that calls a function before it sends each message.
+    """A line (a connection to an instrument) that calls a function before it sends each message.
 
     If the function raises an error, the message is not sent. No answer is then pending, and the next message can be
     sent at once.

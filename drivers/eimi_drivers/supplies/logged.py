@@ -16,9 +16,10 @@ def is_logged() -> bool:
 
 
 class LoggedTransport:
-    """A line to an instrument that logs its messages at level DEBUG, and its faults and a summary at level INFO.
+    """A line (a connection to an instrument) that writes every message to the log.
 
-    `link` is the line over which the messages are sent. `clock` measures the durations in the log.
+    The messages have the level DEBUG; faults and a summary have the level INFO. `link` is the line over which the
+    messages are sent. `clock` measures the durations in the log.
     """
 
     def __init__(self, link: Transport, clock: Clock) -> None:

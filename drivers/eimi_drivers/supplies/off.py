@@ -81,7 +81,7 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str) -> Off:
     """Measure the current as `measured_off` does, after a supply was switched off and its settings were verified.
 
-    If the measurement fails, the measurement is repeated `MEASURING_ATTEMPTS` times in all. The parameters are those of
+    A measurement that fails is repeated, up to `MEASURING_ATTEMPTS` measurements in all. The parameters are those of
     `measured_off`.
 
     Raises
@@ -105,7 +105,7 @@ def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, 
 def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -> SwitchOffFailed | None:
     """Carry out all stages of switching a supply off, even if a stage fails.
 
-    A stage whose earlier part with the same name has failed is left out.
+    Two stages with the same name are parts of one action. If the first part has failed, the second part is left out.
 
     Parameters
     ----------

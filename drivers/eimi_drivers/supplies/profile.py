@@ -63,7 +63,7 @@ class Profile:
     Parameters
     ----------
     driver : str
-        The name of the driver in a rig file.
+        The name of the driver in a rig file, which lists the instruments of a set-up.
     channels : tuple of int
         The lowest and the highest channel number.
     baud_rate : int

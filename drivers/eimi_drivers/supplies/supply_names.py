@@ -105,7 +105,7 @@ def open_supply(
     limits : Limits
         The largest permitted current (A) and voltage (V).
     clock : Clock, optional
-        The clock of the rig; the default is the wall clock.
+        The clock for all waits; the default is real time (the wall clock).
     transcript : Path, optional
         A new text file in which every message is recorded with its time. None for no file.
     between_messages : callable, optional
@@ -158,7 +158,7 @@ def open_with(
     limits : Limits
         The largest permitted current (A) and voltage (V).
     clock : Clock
-        The clock of the rig.
+        The clock for all waits: real or simulated time.
     transcript : Path, optional
         A new file that records every message.
     between_messages : callable, optional

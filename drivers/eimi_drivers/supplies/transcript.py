@@ -26,7 +26,7 @@ class TranscriptMismatch(AssertionError):
 
 
 class RecordingTransport:
-    """A line that writes its messages to a transcript file.
+    """A line (a connection to an instrument) that writes its messages to a transcript file.
 
     Each event is written to the file before the next message is sent or read.
     """
@@ -80,7 +80,7 @@ class RecordingTransport:
 
 
 class ReplayedTransport:
-    """A line that answers from a transcript, a file with recorded messages, instead of an instrument, without delay.
+    """A line that replaces an instrument: it answers at once from a transcript (a file with recorded messages).
 
     TranscriptMismatch is raised if the driver sends another message than the next message of the transcript, or reads
     when the transcript contains no answer. An error in the transcript is raised again. `assert_complete` checks that

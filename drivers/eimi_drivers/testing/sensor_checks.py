@@ -61,7 +61,7 @@ class SensorBench:
     address: str
 
     def reads(self, value: float) -> None:
-        """Change the true value to `value`, and check that the sensor returns it. Raises AssertionError."""
+        """Change the true value to `value`, and raise AssertionError if the sensor returns another value."""
         self.true.append(value)
         before_s = self.clock.now()
         reading = self.sensor.read()
@@ -83,7 +83,7 @@ class SensorBench:
 
 
 def states_its_identity(bench: SensorBench) -> None:
-    """Check the driver's name, the instrument's text and the address that `identify` returns, and `timeout_s`."""
+    """Check that `identify` returns driver, text and address, and that `timeout_s` is above 0 and not too long."""
     identity = bench.sensor.identify()
     claim(isinstance(identity, Identity), f"identify() should return an Identity, not {identity!r}")
     claim(bool(identity.driver and identity.text), f"identify() should return a driver and a text, not {identity}")
@@ -146,7 +146,7 @@ def reports_a_cut_line(bench: SensorBench) -> None:
 
 
 def closes_twice(bench: SensorBench) -> None:
-    """Check that closing twice is allowed, and that `read` of a closed sensor raises no error but InstrumentError."""
+    """Check that closing twice is allowed, and that `read` of a closed sensor raises at most InstrumentError."""
     bench.sensor.close()
     bench.sensor.close()
     with suppress(InstrumentError):
@@ -172,7 +172,7 @@ def sensor_bench(
     unit: str = "mT",
     serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
 ) -> Iterator[SensorBench]:
-    """Connect a sensor driver to an emulated instrument while the context lasts, and yield both as a `SensorBench`.
+    """Connect a sensor driver to an emulated instrument while the `with` block runs, and yield both as a `SensorBench`.
 
     Parameters
     ----------

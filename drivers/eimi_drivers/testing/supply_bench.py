@@ -81,7 +81,7 @@ def supply_bench(
     serve: Callable[[Responder], AbstractContextManager[str]] | None = None,
     answer_within_s: float = 5.0,
 ) -> Iterator[SupplyBench]:
-    """Connect a supply driver to an emulated instrument while the context lasts, and yield both as a `SupplyBench`.
+    """Connect a supply driver to an emulated instrument while the `with` block runs, and yield both as a `SupplyBench`.
 
     Parameters
     ----------
