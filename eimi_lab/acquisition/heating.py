@@ -7,7 +7,7 @@ the coil is assumed constant. The temperature rise is then proportional to the h
 
 where I is the current and τ the thermal time constant. The coil withstands the continuous current I₀ =
 continuous_current_A without a time limit; h then approaches I₀². A protocol is refused if h would exceed I₀². Every
-state is assumed to take its longest possible time.
+state (load step) is assumed to take its longest possible time.
 """
 
 from __future__ import annotations

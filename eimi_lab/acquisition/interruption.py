@@ -5,7 +5,7 @@ they can be interrupted:
 
 - the line to the supply, between two messages;
 - the camera, while it waits for its driver;
-- the writer of the dataset, while it stores a state.
+- the writer of the dataset, while it stores a state (load step).
 
 The methods do nothing unless a run is inside `heeding`.
 """

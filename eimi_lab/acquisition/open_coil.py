@@ -129,7 +129,7 @@ def open_virtual_sensors(
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
     """Close a camera or a sensor, and send an error as a warning event to `on_event`.
 
-    The error does not end the run, because the coil is off and the states are stored.
+    The error does not end the run, because the coil is off and the states (load steps) are stored.
     """
     try:
         instrument.close()

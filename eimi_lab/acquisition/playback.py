@@ -1,6 +1,7 @@
 """Play a recording in place of a camera.
 
-Each picture of the recording serves for a whole state or for one frame. The recording is played once or in a loop.
+Each picture of the recording serves for a whole state (load step) or for one frame. The recording is played once or in
+a loop.
 """
 
 from __future__ import annotations

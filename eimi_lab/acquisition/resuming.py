@@ -27,7 +27,7 @@ from eimi_lab.process.writer_lock import only_writer
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A run that ended early: the number of its stored states, and the time (s) from its beginning until now."""
+    """A run that ended early: the number of stored states (load steps), and the time since its beginning, s."""
 
     states: int
     elapsed_s: float
@@ -49,7 +49,7 @@ def refuse_taken(path: Path, force: bool) -> None:
 
 
 def _describe_unfinished(path: Path) -> str:
-    """Return a text with the number of states that an unfinished run stored; empty for any other file."""
+    """Return a text with the number of states (load steps) that an unfinished run stored; empty for any other file."""
     with suppress(InputError), open_dataset(path) as dataset:
         text = dataset.text("protocol")
         if dataset.kind == "frames" and dataset.resumable and text is not None:
@@ -73,7 +73,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Returns
     -------
     UnfinishedRun
-        The number of stored states, and the present time on the clock of the run.
+        The number of stored states (load steps), and the present time on the clock of the run.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Set the current to zero in one step after the last state, and record every frame while the beam swings freely.
+"""Set the current to zero in one step at the end of a run, and record every frame while the beam swings freely.
 
 A ramp would be slower than the beam and would suppress the oscillation of the beam. Another thread sets the current and
 watches the supply, because an exchange with the supply takes longer than a frame. The frames are compressed and written

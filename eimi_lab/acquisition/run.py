@@ -124,7 +124,7 @@ def acquire(
     show: Show = show_nothing,
     typed: Callable[[], str | None] = no_input,
 ) -> Path:
-    """Run a protocol on an open bench, and store its states in a dataset.
+    """Run a protocol on an open bench, and store its states (load steps) in a dataset.
 
     The coil is off at the end of the run, also after an error. The states that were stored before the error stay in the
     dataset.
@@ -274,7 +274,7 @@ class _Ending:
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
-        """Return the last event of the run, with the number of states in the dataset."""
+        """Return the last event of the run, with the number of states (load steps) in the dataset."""
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
         return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
 

@@ -1,4 +1,4 @@
-"""Switch the coil off at the end of every run: after the last state, an error, Ctrl-C, termination or hang-up."""
+"""Switch the coil off at the end of every run, also after an error, Ctrl-C, termination or hang-up."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ class _SignalsHeeded:
     def switch_off_in_haste(self) -> None:
         """Switch the coil off at once, if a second signal has come or the current is wrong. Raises nothing.
 
-        The writer of the dataset calls this method while it stores a state. The coil is switched off at most once.
+        The writer of the dataset calls this method while it stores a state (load step). The coil is switched off at
+        most once.
         """
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True

@@ -88,7 +88,7 @@ class Currents(Table):
 
 
 class Ramp(Table):
-    """How the current changes between states, and how closely the measured current must agree with its set-point."""
+    """How the current changes between set-points, and how closely the measured current must agree with them."""
 
     rate_A_per_s: float = Field(gt=0)
     """Rate of change of the current between states."""

@@ -1,4 +1,4 @@
-"""The dataset: one NeXus HDF5 file with the states of a run, and with everything that is needed to understand them.
+"""The dataset: one NeXus HDF5 file with the states (load steps) of a run, and all data needed to understand them.
 
 layout            groups, columns and attributes of the file
 writing           `DatasetWriter`, which appends one state after another; a stored state survives a crash

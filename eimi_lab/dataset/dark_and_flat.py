@@ -92,7 +92,7 @@ def store_correction(path: str | Path, images: Images) -> None:
     path = Path(path)
     with rewritten(path, 2 * sum(image.nbytes for image in images.values())) as entry:
         if "frames" not in entry["data"]:
-            raise InputError(f"{path}: holds tracked points, which need no segmentation")
+            raise InputError(f"{path}: holds tracked points, so there are no frames to correct")
         frame = to_stored(entry["data/frames"][0])
         images = {name: in_channels(image, frame.ndim == 3) for name, image in images.items()}
         check_like(images, frame)

@@ -1,7 +1,8 @@
 """The plots that a viewer of NeXus files shows for a dataset: tip deflection against field, and the edges.
 
-The attribute `default` tells a viewer which plot to show first (https://manual.nexusformat.org/datarules.html,
-"Find the plottable data"). Each plot is an NXdata with one signal along one axis, which a viewer draws as a curve.
+The attribute `default` tells a viewer which plot to show first (https://manual.nexusformat.org/datarules.html, "Find
+the plottable data"). Each plot is an NXdata (a NeXus group for a plot) with the values of a curve and the coordinates
+at which these values are drawn.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
     entry
         The HDF5 group `entry`, which contains the whole dataset.
     process
-        The group of the edges, to which the plots are added.
+        The HDF5 group that contains the edges, to which the plots are added.
     edge_sets
-        The edges of each state.
+        The edges of each state (load step).
     """
     _write_tip(process, entry["states/field"][()], edge_sets)
     if "calibration" in entry:
@@ -40,7 +41,7 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
 
 
 def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of the tip deflection (mm) against the field (mT); NaN for a state without edges.
+    """Write the plot of the tip deflection (mm) against the field (mT); NaN for a state (load step) without edges.
 
     The tip is the last point of the middle line between the edges.
     """
@@ -55,7 +56,9 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of both edges of every state. The axes (mm) point to the right and up in the camera's picture.
+    """Write the plot of both edges of the beam in every state (load step).
+
+    The axes (mm) point to the right and up in the camera's picture.
 
     Between two edges there is a NaN, so that a viewer draws the edges as separate curves.
     """

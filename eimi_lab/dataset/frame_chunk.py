@@ -29,15 +29,16 @@ def compressed(image: NDArray[Any]) -> bytes:
 
 
 def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
-    """Write the chunk of a compressed image as one row of a stack of frames.
+    """Write a compressed image as one frame of a stack, which is an HDF5 array of frames.
 
-    The stack must have been created by `layout.frame_stack`, and must already have more than ``row`` rows.
+    ``chunk`` is the result of `compressed`, and ``row`` is the index of the frame. The stack must have been created by
+    `layout.frame_stack`, and must already have more than ``row`` rows.
     """
     stack.id.write_direct_chunk((row, *(0 for _ in stack.shape[1:])), chunk)
 
 
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
-    """Append an image to a stack of frames in a dataset file.
+    """Append an image to a stack (an HDF5 array of frames) in a dataset file.
 
     The colours of the image must be in the order red, green, blue. If another program rewrote the stack with filters
     that `layout.frame_stack` does not use, HDF5 compresses the image.

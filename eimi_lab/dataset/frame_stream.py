@@ -33,14 +33,14 @@ _AHEAD = 64  # number of frames by which the stack in the file is lengthened at 
 
 
 class FrameStream:
-    """A stream that appends frames to a stack of frames in an HDF5 file while the caller takes further frames.
+    """A stream that appends frames to an HDF5 array of frames (a stack) while the caller takes further frames.
 
-    Use the stream in a ``with`` statement. The end of the block waits until all frames are written.
+    Use the stream in a ``with`` statement. The end of the with statement waits until all frames are written.
 
     Parameters
     ----------
     frames : h5py.Dataset
-        The stack, created by `layout.frame_stack`. Until the end of the block, nothing else may use the file.
+        The stack, created by `layout.frame_stack`. Within the with statement, nothing else may use the file.
     ring_bytes : int
         Largest number of bytes of frames in memory; two frames are always allowed.
 

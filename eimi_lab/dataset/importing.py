@@ -59,9 +59,9 @@ def import_frames(
 ) -> int:
     """Make a dataset from the images in a folder or from a video.
 
-    Only the pictures that the table of states lists are imported. Images are taken in the natural order of their names
-    (2 before 10). Consecutive pictures with the same load are the frames of one state. If the frames of a state differ
-    from each other, the state gets flags.
+    Only the pictures that the table states.csv lists are imported. Images are taken in the natural order of their names
+    (2 before 10). Consecutive pictures with the same load are the frames of one state (load step). If the frames of a
+    state differ from each other, the state gets flags (marks of a defect).
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags (defects) of a state that are found in the images of the state.
+    """Return the flags (defects) of a state (load step) that are found in the images of the state.
 
     ``names`` are the files of the images. ``last`` is the last image of the previous state; None for the first state.
     If ``last`` is identical to the first image of the state, the state gets a flag.

@@ -1,4 +1,4 @@
-"""Conversion of edges or tracked points, with the loads of each state, into an xarray.Dataset."""
+"""Conversion of edges or tracked points, with the loads of each state (load step), into an xarray.Dataset."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ _MM = {"units": "mm"}
 
 
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
-    """Return the tracked points of all states as an xarray.Dataset with the dimensions (state, point, axis).
+    """Return the tracked points of all states (load steps) as an xarray.Dataset.
 
-    The variable ``rest`` holds the positions at rest, ``place`` the positions in the state, and ``sigma`` the standard
-    deviation of a coordinate, all in mm. Field, current, tip force and flags of each state are coordinates.
+    The dimensions are state, point and axis (x or y). The variable ``rest`` holds the positions at rest, ``place`` the
+    positions in the state, and ``sigma`` the standard deviation of a coordinate, all in mm. Field, current, tip force
+    and flags (defects) of each state are coordinates of the xarray.Dataset.
 
     Parameters
     ----------
@@ -46,10 +47,11 @@ def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], a
 
 
 def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes: Mapping[str, str]) -> Any:
-    """Return the edges of all states as an xarray.Dataset with the dimensions (state, side, point, axis).
+    """Return the edges of the beam in all states (load steps) as an xarray.Dataset.
 
-    The variables are the points ``edge`` and their standard deviations ``sigma``, both in mm. Field, current, tip force
-    and flags of each state are coordinates.
+    The dimensions are state, side (left or right), point and axis (x or y). The variables are the points ``edge`` and
+    their standard deviations ``sigma``, both in mm. Field, current, tip force and flags (defects) of each state are
+    coordinates of the xarray.Dataset.
 
     Parameters
     ----------

@@ -11,10 +11,10 @@
   host                      NXnote: time zone, and versions of the programs that wrote the file
   user_note                 NXnote: the note that the user gave with --note
   data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points, with columns
-  states                    NXcollection: one row for each state; attributes of the group: version of the format, and
-                            whether the dataset holds frames or tracked points
+  states                    NXcollection: one row for each state (load step); attributes of the group: version of the
+                            format, and whether the dataset holds frames or tracked points
   transients, ring_down, conditioning    NXdata: frames outside the states, if the protocol asks for them (`recordings`)
-  set_points, ring_down_steps    NXcollection: times of set-points, and one row for each ring-down (`steps`)
+  set_points, ring_down_steps    NXcollection: times of set-points; one row for each free oscillation (`steps`)
   ring_down_points, creep_points    NXcollection: motions as points at measured times (`moving.stored_motions`)
   sessions                  NXcollection: one row for each time that the run was started or resumed
   correction                NXcollection: dark frame and flat field, if the user gave them
@@ -96,7 +96,7 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Header:
-    """The description of a run or an import, which is written before the first state.
+    """The description of a run or an import, which is written into a dataset before the first state (load step).
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Header:
     camera_settings
         Settings that were read back from the camera; None for an import.
     without_contact
-        State of the coil after the cable to the supply is pulled or the computer stops, in words.
+        What the supply does if its cable is pulled or the computer stops, in the words of the driver.
     sensors
         The sensors that are read during the run.
     """
@@ -200,7 +200,10 @@ def host() -> dict[str, str]:
 
 
 def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
-    """Create the empty table of states in a new dataset, and return the columns of the table by name."""
+    """Create the empty table of states (load steps) in a new dataset, and return the columns of the table by name.
+
+    ``kind`` is "frames" for a dataset of frames, and "points" for a dataset of tracked points.
+    """
     states = group(entry, "states", "NXcollection")
     states.attrs[FORMAT_ATTRIBUTE] = FORMAT
     states.attrs[KIND_ATTRIBUTE] = kind
@@ -329,7 +332,7 @@ def now() -> str:
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Return the flags (defects) of a state as JSON in UTF-8, the form in which the file stores the flags.
+    """Return the flags (defects) of a state (load step) as JSON in UTF-8, the form in which the file stores the flags.
 
     Raises ValueError if the JSON is too long for the column of flags.
     """
@@ -344,7 +347,7 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """Return the flags of a state from JSON that `flags_to_text` returned.
+    """Return the flags (defects) of a state (load step) from JSON that `flags_to_text` returned.
 
     Flags that early versions stored have no severity, and get the severity `Severity.UNUSABLE`.
     """

@@ -1,4 +1,4 @@
-"""Find the pictures that a table of states lists: image files, or frames of a video."""
+"""Find the pictures that the table states.csv lists with their loads: image files, or frames of a video."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from eimi_lab.vision.image_files import find_images, read_image
 
 @dataclass(frozen=True)
 class ListedFrame:
-    """A picture and its row in the table of states.
+    """A picture to import, and the row of the table states.csv that gives the load of the picture.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ListedFrame:
 
 @dataclass(frozen=True)
 class Listing:
-    """The pictures that are imported, each with its row in the table of states (states.csv).
+    """The pictures that are imported, each with the row of the table states.csv that gives its load.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def is_image(path: Path) -> bool:
 
 
 def list_frames(source: Path, states: Path, every: int | None = None) -> Listing:
-    """Find the pictures that a table of states lists.
+    """Find the pictures that the table states.csv lists.
 
     A row specifies an image by its path relative to the table, by its name in the folder (with or without the ending),
     or by the number at the end of its name. A row specifies a frame of a video by its number, counted from 0, or by
@@ -96,7 +96,7 @@ def list_frames(source: Path, states: Path, every: int | None = None) -> Listing
     source
         A folder of images, an image or a video.
     states
-        The table of states.
+        The table, which gives the load of each picture.
     every
         The number n, to take every n-th frame of a video. A row of the table then gives the time at which a load
         begins. The load acts until the time in the column ``until_s`` or, without this column, until the time of the

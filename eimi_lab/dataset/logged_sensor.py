@@ -49,7 +49,7 @@ class SensorLog:
     sensor
         The sensor.
     state
-        (n,) for each frame, the number of the state to which the frame belongs.
+        (n,) for each frame, the number of the state (load step) to which the frame belongs.
     time_s
         (n,) for each frame, the time of the reading on the clock of the run, s; NaN without a reading.
     value
@@ -66,7 +66,7 @@ class SensorLog:
     standard_uncertainty: NDArray[np.float64]
 
     def by_state(self, states: int) -> NDArray[np.float64]:
-        """Return the mean reading in each state, shape (states,); NaN for a state without a reading.
+        """Return the mean reading in each state (load step), shape (states,); NaN for a state without a reading.
 
         ``states`` is the number of states.
         """

@@ -1,4 +1,4 @@
-"""Store and read two measured quantities of imported states: field uncertainty and temperature of the specimen."""
+"""Store and read two measured quantities of imported load steps: uncertainty of the field, and temperature."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature
 
 
 class Measured(Protocol):
-    """The measured quantities of an imported state: uncertainty of the field, and temperature of the specimen.
+    """The measured quantities of an imported state (load step): uncertainty of the field, and temperature.
 
     A quantity that was not measured is None.
     """
@@ -34,14 +34,14 @@ class Measured(Protocol):
 def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
     """Add field uncertainties and temperatures to an existing dataset file, if they were measured.
 
-    ``loads`` contains one element for each state.
+    ``loads`` contains one element for each state (load step).
     """
     with patiently(lambda: h5py.File(path, "r+")) as file:
         write_measured_columns(file["entry/states"], loads)
 
 
 def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> None:
-    """Write field uncertainties and temperatures to the table of states, each as a column.
+    """Write field uncertainties and temperatures to the table of states (load steps), each as a column.
 
     A quantity that was measured in no state gets no column. The value is NaN for a state in which the quantity was not
     measured. ``loads`` contains one element for each state.
@@ -54,7 +54,7 @@ def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> Non
 
 
 def measured_column(states: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return the field uncertainty (mT) or the temperature (°C) of each state, shape (count,).
+    """Return the field uncertainty (mT) or the temperature (°C) of each state (load step), shape (count,).
 
     The value is NaN for a state in which the quantity was not measured. ``states`` is the table of states in the file,
     ``name`` is "field_sigma" or "temperature", and ``count`` is the number of states.

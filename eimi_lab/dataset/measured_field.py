@@ -116,7 +116,7 @@ def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine 
     logs
         The readings of all sensors. The first gaussmeter among the sensors is used.
     current_A
-        (K,) the current in each of the K states.
+        (K,) the current in each of the K states (load steps).
 
     Returns
     -------

@@ -4,8 +4,8 @@ The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 +
 from the current I by τ dh/dt = I² − h. T0 is the temperature without heating, τ is the thermal time constant, I0 is the
 continuous current, and R is the temperature rise at I0. T0 and R are fitted to the readings by least squares.
 
-The coil is assumed to be cold (h = 0) at the first reading. The current of a state is assumed to begin at the last
-reading of the previous state; the ramp between the currents is neglected.
+The coil is assumed to be cold (h = 0) at the first reading. The current of a state (load step) is assumed to begin at
+the last reading of the previous state; the ramp between the currents is neglected.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def measured_heating(
     log : SensorLog
         The readings, °C.
     current_A : array_like, shape (K,)
-        The current in each of the K states, A.
+        The current in each of the K states (load steps), A.
     continuous_current_A, time_constant_s : float
         Continuous current (A) and thermal time constant (s) of the coil, from the rig file.
 

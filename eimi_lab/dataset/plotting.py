@@ -1,4 +1,4 @@
-"""Draw the edges or the tracked points of all states of a dataset in one figure for a notebook."""
+"""Draw the edges or the tracked points of all states (load steps) of a dataset in one figure for a notebook."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OF_BEAM = ("along the beam at rest", "across it")
 def drawn_places(
     states: Sequence[State], places: Sequence[Sequence[Array]], axes_names: tuple[str, str], lines: bool
 ) -> Drawing:
-    """Return a figure with the edges or tracked points of all states, coloured by the field of the state.
+    """Return a figure with the edges or tracked points of all states (load steps), coloured by the field of the state.
 
     If all states have the same field, the colour shows the number of the state.
 

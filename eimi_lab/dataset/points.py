@@ -46,7 +46,9 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class TrackedPoints:
-    """The tracked points of one state, in the beam frame (x along the straight beam from the clamp, y across).
+    """The tracked material points of one state (load step), in the beam frame.
+
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """The loads and measured conditions of one state.
+    """The loads and measured conditions of one state (load step).
 
     Two objects are equal if everything except the temperature is equal.
 
@@ -118,7 +120,7 @@ def write_points(
         Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), degrees from +x
         toward +y.
     loads, points
-        The loads, and the tracked points, of each state.
+        The loads, and the tracked points, of each state (load step).
     gravity
         Whether the simulation of the beam includes the weight of the beam.
     """
@@ -156,7 +158,7 @@ def write_points(
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
-    """Return the tracked points of every state of a dataset.
+    """Return the tracked points of every state (load step) of a dataset.
 
     Files of early releases do not contain the distance of the points from mid-depth. This distance is then 0.
     """

@@ -1,4 +1,4 @@
-"""Read a dataset. Every completely stored state can be read, even while a run writes the file and after a crash."""
+"""Read a dataset. Every complete state (load step) can be read, even while a run writes the file or after a crash."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Dataset:
     calibration
         The calibration; None for a dataset of tracked points.
     states
-        The states with their loads and flags.
+        The states (load steps) with their loads and flags (defects).
     gravity_angle_deg, field_angle_deg
         Directions of gravity, and of the field of a positive current, in the beam frame (x along the straight beam from
         the clamp, y across), from +x toward +y.
@@ -72,7 +72,7 @@ class Dataset:
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
-        """Read the specimen, the calibration and the states from an open file.
+        """Read the specimen, the calibration and the states (load steps) from an open file.
 
         ``finished`` tells whether the file was closed properly. ``if_damaged`` is the advice to the user in the message
         about a damaged file.
@@ -89,7 +89,7 @@ class Dataset:
         self._file.close()
 
     def reopen(self) -> None:
-        """Open the file again, so that states that were written in the meantime can be read.
+        """Open the file again, so that states (load steps) that were written in the meantime can be read.
 
         Raises InputError if the file cannot be opened.
         """
@@ -187,7 +187,7 @@ class Dataset:
             return tuple(lines)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
-        """Return the n frames of a state, type uint8 or uint16, of H rows and W columns.
+        """Return the n frames of a state (load step), type uint8 or uint16, of H rows and W columns.
 
         The shape is (n, H, W), or (n, H, W, 3) with the colours blue, green, red. If ``most`` is given, only the first
         ``most`` frames are returned. Raises InputError with the numbers of the damaged frames if a frame cannot be
@@ -197,7 +197,7 @@ class Dataset:
             return images_of_state(self.path, self._entry, state_index, most)
 
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
-        """Yield the frames of a state one after another, so that only one frame is in memory at a time.
+        """Yield the frames of a state (load step) one after another, so that only one frame is in memory at a time.
 
         Each frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red. Raises
         InputError for a damaged frame.
@@ -206,16 +206,17 @@ class Dataset:
             yield from each_image_of_state(self.path, self._entry, state_index)
 
     def transient(self, state_index: int) -> Recording | None:
-        """Return the frames that were taken while the beam settled in a state; None if the run stored no such frames.
+        """Return the frames that were taken while the beam settled in one state (load step).
 
-        Raises InputError if the file is damaged.
+        None is returned if the run stored no such frames. Raises InputError if the file is damaged.
         """
         return self._recording(TRANSIENTS, state_index)
 
     def recorded_ring_downs(self) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
         """Return the step of the current and the frames of each recorded ring-down; empty without ring-downs.
 
-        The frames are read from the file one at a time. Raises InputError if the file is damaged.
+        In a ring-down the current steps to zero and the beam swings freely. The frames are read from the file one at a
+        time. Raises InputError if the file is damaged.
         """
         with self._naming_damage():
             return recorded_ring_downs(self._entry, len(self.states))
@@ -227,9 +228,9 @@ class Dataset:
             return None if stored is None else float(stored[()])
 
     def creep_frames(self, state_index: int) -> RecordedFrames | None:
-        """Return the frames that record the creep of the beam in a state; None if the run did not record creep.
+        """Return the frames that record the creep of the beam in one state (load step).
 
-        The frames are read from the file one at a time.
+        None is returned if the run did not record creep. The frames are read from the file one at a time.
         """
         with self._naming_damage():
             return creep_frames(self._entry, len(self.states), state_index)
@@ -243,14 +244,14 @@ class Dataset:
             return read_set_points(self._entry)
 
     def conditioning(self) -> Recording | None:
-        """Return the frames of the first and the last conditioning cycle; None if the run stored no such frames.
+        """Return the frames of the first and last load cycle before the run; None if the run stored no such frames.
 
         Raises InputError if the file is damaged.
         """
         return self._recording(CONDITIONING)
 
     def ring_downs(self) -> tuple[Motion, ...]:
-        """Return the stored ring-downs, each as positions of points of the beam at measured times.
+        """Return the stored ring-downs (free oscillations), each as positions of points at measured times.
 
         `eimi segment` finds the points in the recorded frames. The tuple is empty if no ring-down is stored.
         """
@@ -258,7 +259,7 @@ class Dataset:
             return read_motions(self._entry, "ring_down")
 
     def creeps(self) -> tuple[Motion, ...]:
-        """Return the stored creep of all states, each as positions of points of the beam at measured times.
+        """Return the stored creep of all load steps, each as positions of points of the beam at measured times.
 
         `eimi segment` finds the points in the recorded frames. The tuple is empty if no creep is stored.
         """
@@ -270,7 +271,7 @@ class Dataset:
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Return the row numbers, in the stack of frames, of all damaged frames of the states.
+        """Return the row numbers of all damaged frames in the HDF5 array that contains the frames of all load steps.
 
         Every frame is read to find the damaged frames, which may take long.
         """
@@ -302,7 +303,7 @@ class Dataset:
             return start if start.tzinfo else start.replace(tzinfo=UTC)
 
     def times_of_states(self) -> NDArray[np.float64]:
-        """Return the mean time of the frames of each of the K states, on the clock of the run (s), shape (K,).
+        """Return the mean time (s) of the frames of each of K states (load steps), on the clock of the run, shape (K,).
 
         The array is empty for tracked points.
         """
@@ -318,13 +319,13 @@ class Dataset:
 
     @property
     def resumable(self) -> bool:
-        """Whether a run can add further states to the file. False for files of early versions."""
+        """Whether a run can add further states (load steps) to the file. False for files of early versions."""
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """Return the stored edges of every state; None if the edges of every state are not in the file.
+        """Return the stored edges of every state (load step); None if the edges of any state are missing.
 
-        This is so before `eimi segment` found the edges, and if states were added afterwards.
+        They are missing until `eimi segment` finds the edges, and if states were added afterwards.
         """
         if "segmentation" not in self._entry:
             return None
@@ -349,7 +350,7 @@ class Dataset:
             return correction_by(stored_correction(self._entry))
 
     def points(self) -> tuple[TrackedPoints, ...]:
-        """Return the tracked points of every state. Raises ValueError for a dataset of frames."""
+        """Return the tracked points of every state (load step). Raises ValueError for a dataset of frames."""
         if self.kind != "points":
             raise ValueError(
                 f"{self.path} holds frames of a camera and no tracked points; `edges()` gives the edges in the frames"
@@ -368,7 +369,7 @@ class Dataset:
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure with the edges or the tracked points of all states.
+        """Return a matplotlib figure with the edges or the tracked points of all states (load steps).
 
         Raises InputError for a dataset of frames that has no edges yet.
         """
@@ -400,7 +401,7 @@ class Dataset:
         return html_table(caption, ("state", "field, mT", "tip force, N", "flags"), rows)
 
     def to_xarray(self) -> Any:
-        """Return the edges or the tracked points of all states as an xarray.Dataset.
+        """Return the edges or the tracked points of all states (load steps) as an xarray.Dataset.
 
         Raises InputError for a dataset of frames that has no edges yet, and ImportError if xarray is not installed.
         """

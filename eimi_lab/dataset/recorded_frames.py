@@ -1,4 +1,4 @@
-"""Frames of a ring-down or of creep, read from the file one at a time, because memory may not hold all of them."""
+"""Frames of a free oscillation (ring-down) or of creep, read from the file one at a time to save memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_lab.dataset.steps import SET_POINTS, RingDownStep, read_steps
 
 
 class RecordedFrames:
-    """The n frames of one ring-down, or of the creep in one state, in the order in which they were taken.
+    """The n frames of one ring-down (free oscillation), or of the creep in one load step, in the order of time.
 
     Parameters
     ----------
@@ -55,15 +55,16 @@ class RecordedFrames:
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
     """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
 
-    Files of early versions contain a group `release` instead. This group is returned as one ring-down from the current
-    of the last state. The standard uncertainty of the time of the step is then the interval between two frames.
+    In a ring-down the current steps to zero and the beam swings freely. Files of early versions contain a group
+    `release` instead. This group is returned as one ring-down from the last current of the run. The standard
+    uncertainty of the time of the step is then the interval between two frames.
 
     Parameters
     ----------
     entry : h5py.Group
         The HDF5 group `entry`, which contains the whole dataset.
     states : int
-        Number of completely stored states.
+        Number of completely stored states (load steps).
     """
     if RELEASE in entry:
         rows = complete_rows(entry, RELEASE, states)
@@ -84,7 +85,7 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
 
 
 def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames | None:
-    """Return the frames that were taken in a state between the change of the current and the end of the state.
+    """Return the frames that record creep: from the change of the current to the end of one state (load step).
 
     Parameters
     ----------

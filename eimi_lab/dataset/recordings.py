@@ -1,10 +1,10 @@
-"""Recordings: frames that a run takes in addition to the frames of the states, in the order of time.
+"""Recordings: frames that a run takes in addition to the frames of the states (load steps), in the order of time.
 
 A dataset has up to four recordings. Each is one NXdata in the file:
 
     transients      frames while the beam settles or creeps in a state
     ring_down       frames after steps of the current to zero, at the full rate of the camera
-    release         the ring-down of a run of an early version
+    release         frames after the step of the current to zero in a run of an early version
     conditioning    frames of the first and the last conditioning cycle before the run
 
 HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore the groups are created
@@ -65,14 +65,14 @@ class Moment:
 
 @dataclass(frozen=True)
 class Recording:
-    """The frames of a recording, in the order in which they were taken.
+    """The frames of a recording, such as the frames while the beam settles, in the order of time.
 
     Parameters
     ----------
     images
         The n frames of H rows and W columns: (n, H, W), or (n, H, W, 3) with the colours blue, green, red.
     belongs_to
-        (n,) for each frame, the number of its state, conditioning cycle or ring-down.
+        (n,) for each frame, the number of the load step, load cycle or free oscillation to which it belongs.
     time_s, elapsed_s
         (n,) time on the clock of the run, and time since the last change of the set-point, s.
     set_A
@@ -87,9 +87,10 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings (frames outside the states) for which a protocol asks.
+    """Return the names of the recordings for which a protocol asks.
 
-    The result is empty for an import, which has no protocol.
+    A recording is a series of frames in addition to the frames of the load steps. The result is empty for an import,
+    which has no protocol.
     """
     if protocol is None:
         return ()
@@ -103,7 +104,9 @@ def planned(protocol: Protocol | None) -> tuple[str, ...]:
 
 
 def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]) -> None:
-    """Create the groups of empty recordings in a new dataset.
+    """Create the HDF5 groups of empty recordings in a new dataset.
+
+    A recording is a series of frames in addition to the frames of the load steps.
 
     Parameters
     ----------
@@ -130,7 +133,9 @@ def append_moments(
     moments: Sequence[Moment],
     beat: Callable[[], None],
 ) -> None:
-    """Append frames to a recording. The file stays readable if the program crashes meanwhile.
+    """Append frames to a recording, a series of frames in addition to the frames of the load steps.
+
+    The file stays readable if the program crashes meanwhile.
 
     Parameters
     ----------
@@ -143,7 +148,7 @@ def append_moments(
     images
         The n frames, shape (n, H, W) or (n, H, W, 3) with H rows and W columns, with the colours red, green, blue.
     belongs_to
-        For each frame, the number of its state, conditioning cycle or ring-down.
+        For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
     moments
         Times and set-point of each frame.
     beat
@@ -159,7 +164,7 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append times and set-points of frames whose images are already in the file.
+    """Append times and set-points of frames whose images are already in a recording (a series of frames).
 
     Parameters
     ----------
@@ -168,7 +173,7 @@ def append_times(
     store
         The columns of the recording in the file, by name.
     belongs_to
-        For each frame, the number of its state, conditioning cycle or ring-down.
+        For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
     moments
         Times and set-point of each frame.
     """
@@ -186,7 +191,7 @@ def append_times(
 
 
 def read_recording(entry: h5py.Group, name: str, states: int, only: int | None = None) -> Recording | None:
-    """Read the frames of a recording from a dataset.
+    """Read the frames of a recording, a series of frames in addition to the frames of the load steps.
 
     Parameters
     ----------
@@ -195,9 +200,9 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
     name
         Name of the recording.
     states
-        Number of completely stored states. Frames of later states are not read.
+        Number of completely stored states (load steps). Frames of later states are not read.
     only
-        The state, cycle or ring-down whose frames are read; None to read all frames.
+        Number of the load step, load cycle or free oscillation whose frames are read; None to read all frames.
 
     Returns
     -------
@@ -234,7 +239,8 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
     """Return the numbers of the rows of a recording that have a stored frame and a value in every column.
 
-    Rows of states that were not stored completely are left out.
+    A recording is a series of frames, one for each row. Rows of states (load steps) that were not stored completely are
+    left out.
 
     Parameters
     ----------
@@ -251,7 +257,7 @@ def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64
 
 
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
-    """Remove all rows of a recording except ``rows``, which must be in increasing order.
+    """Remove all rows of a recording (a series of frames) except ``rows``, which must be in increasing order.
 
     ``entry`` is the HDF5 group with the whole dataset, and ``name`` is the name of the recording.
     """

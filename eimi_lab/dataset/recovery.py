@@ -51,8 +51,8 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     """Copy everything readable of a crashed or damaged dataset to a new file.
 
     Single flipped bits are corrected with the help of HDF5's checksums. Every frame of the copy is tested. Damaged
-    frames are left out, and the states of these frames get the flag DROPPED. If all frames of a state are damaged, the
-    state gets one black frame, so that the numbers of later states do not change.
+    frames are left out, and the states (load steps) of these frames get the flag DROPPED. If all frames of a state are
+    damaged, the state gets one black frame, so that the numbers of later states do not change.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Restore damaged columns of the table of states, and return a line of text for each restored column.
+    """Restore damaged columns of the table of load steps, and return a line of text for each restored column.
 
     The contents are taken from the table of frames. This table does not contain tip forces and flags: the forces become
     0, and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised. ``entry`` is the HDF5
@@ -277,9 +277,9 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read one column of a table, or one frame of a stack of frames.
+    """Return whether HDF5 can read one column of a table, or one frame of an array of frames.
 
-    ``parent`` is the table or the stack. ``part`` is the name of the column, or the number of the frame in the stack.
+    ``parent`` is the table or the array. ``part`` is the name of the column, or the number of the frame in the array.
     """
     try:
         return len(parent[part][()]) >= 0
@@ -301,8 +301,8 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
     """Remove incomplete and damaged frames from every recording of a dataset.
 
-    A recording is a series of frames that was taken outside the states. ``states`` is the number of complete states.
-    Returned is a line of text for each damaged recording.
+    A recording is a series of frames in addition to the frames of the states (load steps). ``states`` is the number of
+    complete states. Returned is a line of text for each damaged recording.
     """
     lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
@@ -320,10 +320,10 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Remove damaged frames from a dataset, and return the numbers of the states of these frames.
+    """Remove damaged frames from a dataset, and return the numbers of the states (load steps) of these frames.
 
-    The states get the flag DROPPED. ``damaged`` contains the rows of the damaged frames in the stack of frames. A state
-    whose frames are all damaged gets one black frame.
+    The states get the flag (mark) DROPPED. ``damaged`` contains the row numbers of the damaged frames in the array of
+    all frames. A state whose frames are all damaged gets one black frame.
     """
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]

@@ -101,7 +101,7 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the new coil constant divided by the stored coil constant. The fields of all states change by this factor.
+    """Return the new coil constant divided by the stored coil constant. All stored fields change by this factor.
 
     ``before`` and ``after`` are the stored and the new calibration, and ``file`` is the new calibration file. Raises
     InputError if the coil constant of an imported dataset changes, because imported fields may not have been computed

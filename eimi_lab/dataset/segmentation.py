@@ -1,4 +1,4 @@
-"""Find and store the edges of the beam in every state of a dataset, and write the edges as tables and pictures."""
+"""Find and store the edges of the beam in every state (load step), and write them as tables and pictures."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ Workers = Callable[[], AbstractContextManager[Executor]]
 
 
 def segment(path: Path, report: Callable[[str], None], executor: Workers | None = None) -> tuple[EdgeSet, ...]:
-    """Find the edges of every state and store them in the dataset.
+    """Find the edges of every state (load step) and store them in the dataset.
 
-    The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags of a state are
-    the flags of the run (such as NOT_SETTLED), followed by the flags of the image.
+    The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags (defects) of a
+    state are the flags of the run (such as NOT_SETTLED), followed by the flags of the image.
 
-    If ring-downs or creep were recorded, the beam is also found in every frame of these recordings, and the motion of
-    the beam is stored.
+    If free oscillations or creep were recorded, the beam is also found in every frame of these recordings, and the
+    motion of the beam is stored.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     with only_writer(path):
         with open_dataset(path) as dataset:
             if dataset.calibration is None:
-                raise InputError(f"{path}: holds tracked points, which need no segmentation")
+                raise InputError(f"{path}: holds tracked points, so there are no edges to find")
             frames = Frames(dataset)
             projection = frames.projection()
             edge_sets = _find_all(frames, projection, report, executor)
@@ -86,7 +86,7 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The mean image of each state of a dataset, corrected by the stored dark frame and flat field."""
+    """The mean image of each state (load step) of a dataset, corrected by the stored dark frame and flat field."""
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the dark frame and the flat field of a dataset. Raises InputError for a dataset of tracked points."""
@@ -96,7 +96,7 @@ class Frames:
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """Return the corrected mean of the frames of a state, of H rows and W columns.
+        """Return the corrected mean of the frames of a state (load step), of H rows and W columns.
 
         The shape is (H, W), or (H, W, 3) for frames with colours.
         """
@@ -104,7 +104,7 @@ class Frames:
         return image if self._correction is None else self._correction.apply(image)
 
     def projection(self) -> Projection | None:
-        """Return the projection from colours to grey values that suits all states; None for frames without colours."""
+        """Return the projection from colours to grey values that suits all frames; None for frames without colours."""
         if len(self.dataset.frame_format()[0]) == 2:
             return None
         beam = self.dataset.specimen.specimen
@@ -143,7 +143,7 @@ def _find_all(
 
 
 def _search_again_beside_others(frames: Frames, projection: Projection | None, edge_sets: list[EdgeSet]) -> None:
-    """Search again for the beam in states without edges, with the help of neighbouring states.
+    """Search again for the beam in states (load steps) without edges, with the help of neighbouring states.
 
     The beam moves little from one state to the next. Therefore the middle line of the nearest reliable state is used as
     the expected middle line: first of the nearest earlier state, and then of the nearest later state.
@@ -168,7 +168,9 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states, in which only nearly straight states decide whether the clamp is misplaced.
+    """Return the edges of all states (load steps) after a correction of their flags for a wrong clamp position.
+
+    A flag is the record of a failed quality check. Only nearly straight states can show that the clamp is misplaced.
 
     The check of the clamp position extrapolates the edges to the line of the clamp. If the beam is strongly curved at
     the clamp, the extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with the flag for a
@@ -193,7 +195,7 @@ def _is_clamp_offset(flag: Flag) -> bool:
 
 
 def _in_words(flags: Sequence[Flag]) -> str:
-    """Return a text with the names of the flags (defects) of a state.
+    """Return a text with the names of the flags (defects) of a state (load step).
 
     Flags that do not affect a fit are listed at the end, as notes.
     """
@@ -220,7 +222,7 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each state in the order of the states, found by worker processes.
+    """Yield the edges of each state (load step) in the order of the states, found by worker processes.
 
     The workers have no knowledge of other states. None is yielded for a state whose beam can be identified only by
     means of an earlier state. Without an executor, None is yielded for every state.
@@ -245,7 +247,7 @@ def _found_by_workers(
 
 
 def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet | None:
-    """Find the edges of one state without knowledge of other states.
+    """Find the edges of one state (load step) without knowledge of other states.
 
     Parameters
     ----------
@@ -278,12 +280,12 @@ def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """Return the frames of a dataset. A worker process opens the dataset only once for all states."""
+    """Return the frames of a dataset. A worker process opens the dataset only once for all states (load steps)."""
     return Frames(open_dataset(path))
 
 
 def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
-    """Return the stored edges of one state; if the dataset has no edges, find the edges of the state.
+    """Return the stored edges of one state (load step); if the dataset has no edges, find the edges of the state.
 
     New edges are not stored. An earlier state, which could help to distinguish the beam from other bodies, is not used.
     Raises InputError if the frames cannot be read.
@@ -303,7 +305,7 @@ def _edges_in(
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
-    """Find the edges in the mean image of a state, within the region of interest of the calibration.
+    """Find the edges in the mean image of a state (load step), within the region of interest of the calibration.
 
     The flags of the result are the defects of the image. The flags of the run are not added.
 
@@ -336,17 +338,17 @@ def _edges_in(
 
 
 def _is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether the edges of a state are reliable enough to guide the search for the beam in other states.
+    """Return whether the edges of a state (load step) are reliable enough to guide the search in other states.
 
-    The edges must exist, must not be a guess between several bodies, and must have no flag that makes the state
-    unusable.
+    The edges must exist, must not be a guess between several bodies, and must have no flag (failed quality check) that
+    makes the state unusable.
     """
     guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
     return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 
 
 def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
-    """Explain to the user why no beam was found in a state.
+    """Explain to the user why no beam was found in a state (load step).
 
     Returns
     -------
@@ -370,10 +372,10 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the edges of all states as tables ``step_00_left.csv``, ``step_00_right.csv``, …, and the flags as JSON.
+    """Write the edges of every state (load step) as two tables, and the flags (failed quality checks) as JSON.
 
-    The columns are x_mm, y_mm and sigma_mm. The first row is at the clamp and the last row at the tip. The flags are in
-    ``quality.json``.
+    The tables are ``step_00_left.csv``, ``step_00_right.csv``, …. The columns are x_mm, y_mm and sigma_mm. The first
+    row is at the clamp and the last row at the tip. The flags are in ``quality.json``.
     """
     for index, edge_set in enumerate(edge_sets):
         for side in ("left", "right"):
@@ -395,7 +397,7 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write a picture of the mean frame with the edges for each state, and a contact sheet of all pictures.
+    """Write a picture of the mean frame with the edges for each state (load step), and a contact sheet of all pictures.
 
     The files are ``step_00.png``, …, and ``contact_sheet.png``. If no edges were found in a state, the picture shows
     how far the beam was followed from the clamp.
@@ -418,7 +420,7 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
 
 
 def write_explained(folder: Path, path: Path) -> None:
-    """Write pictures of the steps in which the beam of each state was followed from the clamp to the tip.
+    """Write pictures of the steps in which the beam of each state (load step) was followed from the clamp to the tip.
 
     The name of a file contains the state and the step, for example ``step_00_strip.png``.
     """
@@ -430,7 +432,7 @@ def write_explained(folder: Path, path: Path) -> None:
 
 
 def _followed(frames: Frames, image: NDArray[np.float32]) -> FollowedBeam:
-    """Follow the beam from the clamp to the tip in the mean image of one state, and return the result.
+    """Follow the beam from the clamp to the tip in the mean image of one state (load step), and return the result.
 
     The coordinates of the result are pixels of the whole picture, even if the calibration has a region of interest.
     """

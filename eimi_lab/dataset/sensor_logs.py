@@ -26,7 +26,7 @@ LOG_COLUMNS = ("time", "value", "value_errors")
 
 
 def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: int) -> dict[str, list[float]]:
-    """Return the readings of one sensor during a state as rows for the log of the sensor, by the name of the column.
+    """Return the readings of one sensor during a state (load step) as columns for the log of the sensor, by name.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
 def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
     """Return the readings of all sensors of a dataset; empty if the run had no sensors.
 
-    ``states`` is the number of completely stored states. Readings of later states are left out.
+    ``states`` is the number of completely stored states (load steps). Readings of later states are left out.
     """
     logs = []
     for name in sensor_names(entry):

@@ -1,4 +1,4 @@
-"""One state of the specimen: its loads and its flags, as read from a dataset."""
+"""One state (load step) of the specimen: its loads and its flags (defects), as read from a dataset."""
 
 from __future__ import annotations
 

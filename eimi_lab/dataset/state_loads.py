@@ -1,4 +1,4 @@
-"""Read the loads of each state from a table of states (states.csv)."""
+"""Read the loads of each state (load step) from the table of states, states.csv."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     Parameters
     ----------
     row
-        The row.
+        A row of states.csv, which describes one state (load step).
     calibration
         The calibration, with whose coil constant currents are converted into fields; None for tracked points.
 
@@ -95,7 +95,7 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return a dictionary of the loads of each state of tracked points, whose keys are the numbers of the states.
+    """Return the loads of each state (load step) of tracked points, by the number of the state.
 
     The numbers come from the column ``state`` and are in increasing order.
 
@@ -111,7 +111,7 @@ def numbered_loads(rows: list[Row]) -> dict[int, Load]:
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError if a state has a tip force of unknown direction.
+    """Raise InputError if a state (load step) has a tip force of unknown direction.
 
     By default a tip force has the direction of gravity. If gravity is unknown (``gravity_angle_deg`` is None), the
     table of states (``states``) must give the direction of each tip force.

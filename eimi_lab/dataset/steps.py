@@ -1,7 +1,7 @@
 """Store and read the times of set-points and of steps of the coil current in a dataset.
 
     set_points         one row for each set-point that was sent: `time`, `current`, `uncertainty`
-    ring_down_steps    one row for each recorded ring-down: the step of the current, and the number and rate of frames
+    ring_down_steps    one row for each recorded free oscillation: the step of the current, number and rate of frames
 
 All times are on the clock of the run. A set-point takes effect after it is sent and before the supply answers. `time`
 is the middle of this interval, and `uncertainty` is the standard deviation of a uniform distribution over the interval.
@@ -54,7 +54,7 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class RingDownStep:
-    """The step of the current that began a recorded ring-down, and the number of its frames.
+    """The step of the current with which a recorded ring-down (free oscillation) began, and the number of its frames.
 
     Parameters
     ----------
@@ -83,12 +83,12 @@ class RingDownStep:
 
 
 def records_steps(protocol: Protocol | None) -> bool:
-    """Return whether a run stores its set-points, because its protocol asks for creep or ring-downs."""
+    """Return whether a run stores its set-points, because its protocol asks for creep or free oscillations."""
     return protocol is not None and (protocol.creep or protocol.ring_down is not None)
 
 
 def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
-    """Create empty tables of set-points and of ring-downs in a new dataset, if the protocol needs these tables."""
+    """Create empty tables of set-points and of free oscillations in a new dataset, if the protocol needs them."""
     if records_steps(protocol):
         columns(group(entry, SET_POINTS, "NXcollection"), dict(_SET_POINT_COLUMNS))
     if protocol is not None and protocol.ring_down is not None:
@@ -108,7 +108,7 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append one row to the table of ring-downs in a dataset: the step of the current with which a ring-down began.
+    """Append one row to the table of ring-downs: the step of the current with which a free oscillation began.
 
     ``store`` contains the columns of the table by name.
     """
@@ -123,9 +123,9 @@ def read_set_points(entry: h5py.Group) -> tuple[SetPoint, ...]:
 
 
 def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
-    """Return the steps of the coil current with which the recorded ring-downs began, in the order of time.
+    """Return the steps of the coil current with which the recorded free oscillations began, in the order of time.
 
-    The result is empty if no ring-down was recorded.
+    The result is empty if no free oscillation (ring-down) was recorded.
     """
     kinds = {"int": int, "float": float}
     of_field = [kinds[str(field.type)] for field in fields(RingDownStep)]

@@ -6,7 +6,7 @@ from __future__ import annotations
 class StorageFailed(OSError):
     """The error that is raised if a dataset can no longer be written.
 
-    The message says whether the stored states are safe.
+    The message says whether the stored states (load steps) are safe.
     """
 
     def __init__(self, message: str, reason: str = "") -> None:

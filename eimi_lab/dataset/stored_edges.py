@@ -44,7 +44,9 @@ def write_edges(
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
 ) -> None:
-    """Store the edges of every state, and the motions of the beam, in a dataset. Earlier edges are replaced.
+    """Store the edges of every state (load step), and the motions of the beam, in a dataset.
+
+    A motion is a series of positions of points of the beam over time. Earlier edges are replaced.
 
     Parameters
     ----------
@@ -55,8 +57,8 @@ def write_edges(
     projection
         The projection from colours to grey values with which the edges were found; None for frames without colours.
     motions
-        Ring-downs and creep that were found in recorded frames. New ring-downs replace the stored ring-downs, and new
-        creep replaces the stored creep.
+        Ring-downs (free oscillations) and creep that were found in recorded frames. New ring-downs replace the stored
+        ring-downs, and new creep replaces the stored creep.
     length_mm
         Length of the beam, mm, with which the amplitudes of the vibration modes are computed.
 
@@ -124,8 +126,8 @@ def _comply_with_definition(entry: h5py.Group) -> None:
     """Write the entries that a NeXus application definition requires: its name, and the start and end of the run.
 
     In HDF5's single-writer-multiple-reader mode, the writer of a run cannot add the end as a date of variable length.
-    Until the edges are stored, the end is therefore in the table of sessions. Files of version 0.1.0 have dates of
-    fixed length, which are converted here.
+    Until the edges are stored, the end is therefore in the table of sessions, which has one row for each time that the
+    run was started or resumed. Files of version 0.1.0 have dates of fixed length, which are converted here.
     """
     dates = {"start_time": get_start(entry)}
     if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):
@@ -143,7 +145,7 @@ def _comply_with_definition(entry: h5py.Group) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """Return the stored edges of every state of a dataset.
+    """Return the stored edges of every state (load step) of a dataset.
 
     ``entry`` is the HDF5 group with the whole dataset.
     """

@@ -1,4 +1,4 @@
-"""Read the frames of the states from a dataset, and find damaged frames."""
+"""Read the frames of the states (load steps) from a dataset, and find damaged frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eimi_lab.process.limits import refuse_unpacked
 
 
 def images_of_state(path: Path, entry: h5py.Group, state_index: int, most: int | None) -> NDArray[Any]:
-    """Return the n frames of a state, of H rows and W columns, type uint8 or uint16.
+    """Return the n frames of a state (load step), of H rows and W columns, type uint8 or uint16.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def images_of_state(path: Path, entry: h5py.Group, state_index: int, most: int |
 
 
 def each_image_of_state(path: Path, entry: h5py.Group, state_index: int) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a state one after another, so that only one frame is in memory at a time.
+    """Yield the frames of a state (load step) one after another, so that only one frame is in memory at a time.
 
     Each frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red.
 
@@ -81,9 +81,10 @@ def each_image_of_state(path: Path, entry: h5py.Group, state_index: int) -> Iter
 
 
 def _damaged(path: Path, frames: h5py.Dataset, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
-    """Return an InputError whose message gives the numbers of the damaged frames of a state.
+    """Return an InputError whose message gives the numbers of the damaged frames of a state (load step).
 
-    ``rows`` are the rows of the frames of the state in the stack, and ``error`` is the error that HDF5 raised.
+    ``frames`` is the HDF5 array of all frames, and ``rows`` are the row numbers of the frames of the state in this
+    array. ``error`` is the error that HDF5 raised.
     """
     damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not _readable(frames, row))
     return InputError(
@@ -93,7 +94,7 @@ def _damaged(path: Path, frames: h5py.Dataset, state_index: int, rows: NDArray[n
 
 
 def damaged_frames(frames: h5py.Dataset) -> tuple[int, ...]:
-    """Return the row numbers of all damaged frames in a stack of frames. Every frame is read."""
+    """Return the row numbers of all damaged frames in an HDF5 array of frames. Every frame is read."""
     return tuple(row for row in range(len(frames)) if not _readable(frames, row))
 
 

@@ -1,4 +1,4 @@
-"""Read the loads and flags of the states from a dataset."""
+"""Read the loads and flags of the states (load steps) from a dataset."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eimi_lab.process.errors import InputError
 
 
 def read_states(path: Path, entry: h5py.Group, kind: Kind) -> tuple[tuple[State, ...], FieldLine | None]:
-    """Return the states of a dataset, and the line through the readings of its gaussmeter.
+    """Return the states (load steps) of a dataset, and the line through the readings of its gaussmeter.
 
     If there is a gaussmeter, the field of each state is the slope of this line times the current of the state.
 
@@ -80,16 +80,16 @@ def read_states(path: Path, entry: h5py.Group, kind: Kind) -> tuple[tuple[State,
 
 
 def mean_by_state(entry: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return the mean of a column of the frames in each state, shape (count,); NaN for a state without frames.
+    """Return the mean over the frames of each state (load step) of one quantity, such as the time, shape (count,).
 
-    The frames of a state whose storing was not completed are ignored.
+    The result is NaN for a state without frames. A state that was not stored completely is ignored.
 
     Parameters
     ----------
     entry : h5py.Group
         The group "entry" of a dataset of frames.
     name : str
-        The column, such as "time" or "measured_current".
+        Name of the quantity in the table of frames: "time" or "measured_current".
     count : int
         Number of states.
     """

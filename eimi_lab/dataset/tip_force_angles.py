@@ -18,7 +18,7 @@ NAME = "tip_force_angle"
 
 
 def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> None:
-    """Add the direction of the tip force of each state to an existing dataset file.
+    """Add the direction of the tip force of each state (load step) to an existing dataset file.
 
     The angles are in degrees, from +x toward +y in the beam frame (x along the straight beam from the clamp, y across).
     None means the direction of gravity. If every angle is None, the file is not changed.
@@ -29,7 +29,7 @@ def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> No
 
 
 def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None]) -> None:
-    """Write the direction of the tip force of each state, in degrees from +x toward +y in the beam frame.
+    """Write the direction of the tip force of each state (load step), in degrees from +x toward +y in the beam frame.
 
     In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The value None means the
     direction of gravity, and is stored as NaN. Nothing is written if every value is None.
@@ -40,7 +40,7 @@ def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None
 
 
 def tip_force_angles(states: h5py.Group, count: int) -> NDArray[np.float64]:
-    """Return the directions of the tip forces of all states, shape (count,), in degrees from +x toward +y.
+    """Return the directions of the tip forces of all states (load steps), shape (count,), in degrees from +x toward +y.
 
     The angles are in the beam frame (x along the straight beam from the clamp, y across); NaN means the direction of
     gravity. ``count`` is the number of states.

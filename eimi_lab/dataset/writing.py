@@ -1,4 +1,4 @@
-"""Write a dataset of frames so that every stored state survives a crash.
+"""Write a dataset of frames so that every stored state (load step) survives a crash.
 
 The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which the file is readable at every moment.
 For each state, the arrays of the file are flushed one after another. The table of states is flushed last, so that it
@@ -76,7 +76,7 @@ def _tell_warning(message: str) -> None:
 
 
 class DatasetWriter:
-    """A writer that creates a dataset and appends one state after another. Use it in a ``with`` statement.
+    """A writer that creates a dataset and appends one state (load step) after another. Use it in a ``with`` statement.
 
     The file must be on a local file system, because network file systems do not preserve the order of writes.
 
@@ -125,7 +125,7 @@ class DatasetWriter:
     def resume(
         cls, path: Path, beat: Callable[[], None] = _ignore, warn: Callable[[str], None] = _tell_warning
     ) -> DatasetWriter:
-        """Return a writer that appends states to an existing dataset, which was closed properly or recovered.
+        """Return a writer that appends states (load steps) to a dataset that was closed properly or recovered.
 
         ``beat`` is called repeatedly while a state is written. ``warn`` gets the text of a warning for the user. Raises
         InputError if the file cannot be opened for writing, or if another writer uses the path.
@@ -199,9 +199,9 @@ class DatasetWriter:
     def _abandon(self) -> None:
         """Close the file without further writes. The file then has the same content as after a crash.
 
-        HDF5 writes its remaining data when it closes a file. After a failed write this would fail again, and would
-        crash the program at its end. Therefore the remaining data are sent to the null device. A file without a state
-        is removed.
+        HDF5 writes its remaining data when it closes a file. After a failed write, these writes would fail too, and
+        would crash the program at its end. Therefore the remaining data are sent to the null device. A file without a
+        state (load step) is removed.
         """
         taken_away = fate_of(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:
@@ -215,7 +215,7 @@ class DatasetWriter:
 
     @property
     def stored(self) -> int:
-        """The number of states that are stored in the file."""
+        """The number of states (load steps) that are stored in the file."""
         return self._stored
 
     def __enter__(self) -> DatasetWriter:
@@ -224,7 +224,7 @@ class DatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file. A file without a state is removed."""
+        """Close the file. A file without a state (load step) is removed."""
         if self._abandoned:
             return
         self._refuse_overwritten()
@@ -259,7 +259,7 @@ class DatasetWriter:
         sensed: Sequence[Mapping[str, SensorReading]] = (),
         set_points: Sequence[SetPoint] = (),
     ) -> None:
-        """Store a state with its frames.
+        """Store a state (load step) with its frames.
 
         When this function returns, the state and the frames survive a crash of the program or of the computer.
 
@@ -332,7 +332,9 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames that were taken outside the states. When this function returns, the frames survive a crash.
+        """Store frames that were taken in addition to the frames of the states (load steps).
+
+        When this function returns, the frames survive a crash.
 
         Raises ValueError if a frame differs from the frames of the file, and StorageFailed if the file cannot be
         written.
@@ -342,7 +344,7 @@ class DatasetWriter:
         name
             Name of the recording, a key of `recordings.BELONGS_TO`, such as "transients".
         belongs_to
-            For each frame, the number of its state, load cycle or ring-down.
+            For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
         moments
             The frames with their times and set-points.
         """
@@ -355,22 +357,22 @@ class DatasetWriter:
 
     @property
     def ring_downs(self) -> int | None:
-        """The number of ring-downs that are stored in the file; None if the file has no table of ring-downs."""
+        """The number of stored ring-downs (free oscillations); None if the file has no table of ring-downs."""
         return len(self._steps["ring_down"]) if self._steps else None
 
     @contextmanager
     def ring_down(self) -> Iterator[FrameStream]:
-        """Yield a stream that writes the frames of a ring-down while the camera takes further frames.
+        """Yield a stream that writes the frames of a free oscillation while the camera takes further frames.
 
-        Use this method in a ``with`` statement. At the end of the block all frames are written. Then call
-        `end_ring_down`. Raises StorageFailed if the file cannot be written, or if another program wrote into it.
+        Use this method in a ``with`` statement. At its end all frames are written. Then call `end_ring_down`. Raises
+        StorageFailed if the file cannot be written, or if another program wrote into it.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
             yield stream
 
     def end_ring_down(self, step: RingDownStep, moments: Sequence[Moment], set_points: Sequence[SetPoint]) -> None:
-        """Store the step of the current that began a ring-down, and the times of the frames of this ring-down.
+        """Store the step of the current that began a ring-down (free oscillation), and the times of its frames.
 
         When this function returns, the ring-down survives a crash. Raises StorageFailed if the file cannot be written.
 
@@ -381,7 +383,7 @@ class DatasetWriter:
         moments
             The frames with their times and set-points. The frames are already in the file.
         set_points
-            Set-points that were sent after the previous state or ring-down was stored.
+            Set-points that were sent after the previous load step or ring-down was stored.
         """
         with self._writing():
             append_set_points(self._set_points, set_points)

@@ -1,8 +1,8 @@
 """Distribution of long tasks to this process, to other processes of this computer, or to a dask cluster.
 
-A task is a whole fit, or the search for the edges of one state. Processes and clusters are executors of the standard
-library (`concurrent.futures`). The result of a task does not depend on the number of workers. If a worker is lost,
-another worker repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
+A task is a whole fit, or the search for the edges of one state (load step). Processes and clusters are executors of the
+standard library (`concurrent.futures`). The result of a task does not depend on the number of workers. If a worker is
+lost, another worker repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ _ALONG = 26  # number of finite elements along the flexible part of the beam
 
 @dataclass(frozen=True)
 class Simulation:
-    """The simulated shapes of one specimen in K states.
+    """The simulated shapes of one specimen in K states (load steps).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and the right edge in each of the K states, in the beam frame, mm, shape (K, 2, n, 2).
+        """The left and the right edge in each of the K states (load steps), in the beam frame, mm, shape (K, 2, n, 2).
 
         Each edge has n points x, y from the clamp to the tip.
         """
@@ -65,21 +65,21 @@ class Simulation:
 
     @property
     def tip_mm(self) -> Array:
-        """The coordinates x and y of the tip in the beam frame in each of the K states, mm, shape (K, 2)."""
+        """The coordinates x and y of the tip in the beam frame in each of K states (load steps), mm, shape (K, 2)."""
         return _tip(self.model, self.shapes)[0, :, :2]
 
     @property
     def tip_angle_deg(self) -> Array:
-        """The rotation of the tip from +x toward +y in each of the K states, degrees, shape (K,)."""
+        """The rotation of the tip from +x toward +y in each of the K states (load steps), degrees, shape (K,)."""
         return _tip(self.model, self.shapes)[0, :, 2]
 
     @property
     def max_stretch(self) -> Array:
-        """The largest principal stretch in the beam in each of the K states, shape (K,)."""
+        """The largest principal stretch in the beam in each of the K states (load steps), shape (K,)."""
         return np.asarray(self.shapes.max_stretch[0])
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the beam's shape in up to six states, coloured by the stretch."""
+        """Return a matplotlib figure of the beam's shape in up to six states (load steps), coloured by the stretch."""
         return _drawn(self)
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
@@ -189,7 +189,7 @@ def simulate(
     Returns
     -------
     Simulation
-        The shapes in all states.
+        The shapes in all states (load steps).
 
     Raises
     ------
@@ -243,7 +243,7 @@ def simulate(
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
     """Return x (mm), y (mm) and the angle (degrees) of the tip, shape (P, K, 3).
 
-    ``shapes`` contains the shapes of ``model`` for P sets of parameters in K states.
+    ``shapes`` contains the shapes of ``model`` for P sets of parameters in K states (load steps).
     """
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
@@ -252,7 +252,9 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 
 
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) in K states, shape (K, 3, 2).
+    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees), shape (K, 3, 2).
+
+    K is the number of states (load steps).
 
     The last axis has the lower and the upper end. Draws of the parameters without an equilibrium are left out.
 
@@ -275,9 +277,9 @@ def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
 def write_simulation(folder: Path, simulation: Simulation) -> None:
     """Write the files of a simulation into a folder.
 
-    The files are ``tip.csv`` and the picture ``shapes.png``. For each state, the files ``state_00_left.csv`` and
-    ``state_00_right.csv`` contain the edges, and ``state_00.vtu`` is for ParaView. An OSError names the file that could
-    not be written.
+    The files are ``tip.csv`` and the picture ``shapes.png``. For each state (load step), the files
+    ``state_00_left.csv`` and ``state_00_right.csv`` contain the edges, and ``state_00.vtu`` is for ParaView. An OSError
+    names the file that could not be written.
     """
     model, shapes = simulation.model, simulation.shapes
     columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])

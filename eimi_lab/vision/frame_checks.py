@@ -1,4 +1,4 @@
-"""Compare the frames of one state with each other, to detect lost frames, repeated frames and motion."""
+"""Compare the frames of one state (load step) with each other, to detect lost frames, repeated frames and motion."""
 
 from __future__ import annotations
 

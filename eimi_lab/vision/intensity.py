@@ -120,7 +120,7 @@ def full_scale(image: NDArray[Any]) -> float:
 
 
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
-    """Return the mean of the frames of a state, in grey levels of the frames.
+    """Return the mean of the frames of a state (load step), in grey levels of the frames.
 
     The standard deviation of the noise in the mean of n frames is 1/√n of that in one frame.
 

@@ -1,4 +1,4 @@
-"""Motions of the beam in a dataset: ring-downs and creep, as positions of points at measured times.
+"""Motions of the beam in a dataset: free oscillations (ring-downs) and creep, as positions of points over time.
 
 stored_motions    store motions in the file of a dataset, and read them
 motion_facts      facts about a recording that the user gives: kind, rate, release, weights, shutter

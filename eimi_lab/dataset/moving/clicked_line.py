@@ -1,10 +1,10 @@
 """Make a calibration (clamp, direction of the beam, scale) from points that the user clicked on the beam at rest.
 
-The scale may be inaccurate, because the frequency and the loss of a ring-down do not depend on the scale. The direction
-in which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from the clamp
-divided by the length. A uniform load, such as the weight, bends a clamped beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A
-load at the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section
-39).
+The scale may be inaccurate, because the frequency and the loss factor of a free oscillation do not depend on the scale.
+The direction in which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from
+the clamp divided by the length. A uniform load, such as the weight, bends a clamped beam in the shape
+(ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A load at the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of
+Materials, part I, 1955, section 39).
 """
 
 from __future__ import annotations

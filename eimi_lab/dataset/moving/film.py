@@ -88,7 +88,7 @@ def follow_film(
     projection: Projection | None = None,
     tracker: BeamTracker | None = None,
 ) -> Film:
-    """Find the beam in every frame of a film.
+    """Find the beam in every frame of a film, which is a video or a recording of a run.
 
     The beam is searched near its position in the previous frame. The whole frame is searched after the beam was lost
     and, without a tracker, at the beginning.
@@ -104,7 +104,7 @@ def follow_film(
     projection : Projection, optional
         Projection from colours to grey values; by default, the projection is chosen in the first frame.
     tracker : BeamTracker, optional
-        A tracker with the position of the beam in another frame of the film.
+        The object that follows the beam from frame to frame, with the position of the beam in another frame.
 
     Raises
     ------

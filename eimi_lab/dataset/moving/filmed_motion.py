@@ -128,7 +128,8 @@ def read_video_motions(
     calibration, specimen
         Calibration of the camera, and the specimen.
     facts : MotionFacts
-        Facts that the user gives. The rate of the recording, `rate_Hz`, is used instead of the rate in the video file.
+        Facts about the recording that the user gives. The rate of the recording, `rate_Hz`, is used instead of the rate
+        in the video file.
     is_clicked : bool
         Whether the calibration was made from clicked points. The axis and the clamp in the calibration are then
         corrected by the measured shape of the beam at rest.

@@ -21,7 +21,7 @@ _GAP = 1.5  # in units of the usual interval between frames: in a longer interva
 def free_motions(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> tuple[Motion, ...]:
-    """Return the free motions of a recording, one for each time that the beam was flicked (pushed briefly).
+    """Return the free motions in a recording, one for each time that the beam was flicked (pushed briefly).
 
     If the user gives the time of the release, only the motion from the release to the next flick is returned. For
     creep, the whole recording is one motion. A note about several flicks is printed on standard error.
@@ -32,7 +32,7 @@ def free_motions(
         Positions (n, p, 2) of p points in n frames in the beam frame (x along the straight beam from the clamp, y
         across; mm), positions at rest (p, 2) in mm, times (n, p) in s, and standard uncertainties (n, p) in mm.
     facts : MotionFacts
-        Facts that the user gives.
+        Facts about the recording that the user gives, such as the time of the release.
     origin : str
         Name of the recording in messages.
 
@@ -94,7 +94,7 @@ def free_motion(
     sigma_mm : ndarray, shape (n, p)
         Standard uncertainty of one coordinate of a point, mm.
     facts : MotionFacts
-        Facts that the user gives.
+        Facts about the recording that the user gives, such as the time of the release.
     origin : str
         Name of the recording in messages.
 

@@ -41,7 +41,8 @@ def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> t
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        Facts that the user gives. If `rate_Hz` is given, the time of a row is its frame number divided by `rate_Hz`.
+        Facts about the recording that the user gives. If `rate_Hz` is given, the time of a row is its frame number
+        divided by `rate_Hz`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Write imported motions into a new dataset, or into a dataset that already holds states of the same beam."""
+"""Write imported motions (positions of points over time) into a new dataset, or into a dataset of the same beam."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def write_motion_dataset(
     gravity: bool = True,
     force: bool = False,
 ) -> None:
-    """Write a new dataset that contains motions and no states.
+    """Write a new dataset that contains only motions (positions of points of the beam over time).
 
     Parameters
     ----------
     path : Path
         The dataset.
     motions : sequence of Motion
-        At least one motion. All motions are ring-downs, or all are creep.
+        At least one motion. All motions are ring-downs (free oscillations), or all are creep.
     specimen : SpecimenFile
         The specimen.
     calibration : Calibration, optional
@@ -63,7 +63,7 @@ def write_motion_dataset(
 
 
 def add_motions(path: Path, motions: Sequence[Motion], specimen: SpecimenFile) -> None:
-    """Store ring-downs, or creep, in an existing dataset of the same beam.
+    """Store ring-downs (free oscillations), or creep, in an existing dataset of the same beam.
 
     Motions of the same kind that the dataset already contains are replaced. Raises InputError if the file cannot be
     written.

@@ -1,4 +1,4 @@
-"""Measure the motions of the beam in the recordings of a run: the ring-downs, and the creep in the states."""
+"""Measure the motions of the beam in the recordings of a run: free oscillations (ring-downs) and creep."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def recorded_motions(
     projection: Projection | None,
     report: Callable[[str], None],
 ) -> tuple[Motion, ...]:
-    """Measure the motion of the beam in each ring-down and in each state with recorded creep of a run.
+    """Measure the motion of the beam in each ring-down (free oscillation) and each recording of creep of a run.
 
     A recording in which no beam is found is left out, and a note about this recording is printed on standard error.
 
@@ -31,9 +31,9 @@ def recorded_motions(
     dataset : Dataset
         A dataset of frames.
     edge_sets : sequence of EdgeSet
-        The edges that were found in each state of the dataset. If no state has edges, the result is empty.
+        The edges of the beam that were found in each state (load step). If no state has edges, the result is empty.
     projection : Projection, optional
-        Projection from colours to grey values.
+        Weights with which the colours of the frames are converted to grey values.
     report : callable
         Function that is called with a line of text for each motion.
 
@@ -89,9 +89,9 @@ def _followed(
     frames
         The frames of the recording.
     kind
-        "ring_down" or "creep".
+        "ring_down" (free oscillation) or "creep".
     step
-        The set-point whose change of the current began the motion.
+        The set-point with which the motion began.
     set_points
         All set-points of the run.
     from_A

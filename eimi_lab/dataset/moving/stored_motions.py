@@ -33,7 +33,7 @@ _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the ring-downs, or the creep, of a dataset. Motions of the same kind in the file are replaced.
+    """Store the ring-downs (free oscillations), or the creep, of a dataset, and replace stored motions of this kind.
 
     Parameters
     ----------

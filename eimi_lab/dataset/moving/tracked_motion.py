@@ -38,7 +38,8 @@ def read_tracked_motion(
         The rule by which coordinates of the file are converted into the beam frame (x along the straight beam from the
         clamp, y across; mm).
     facts : MotionFacts
-        Facts that the user gives. If `rate_Hz` is given, the times follow from this rate instead of the file.
+        Facts about the recording that the user gives. If `rate_Hz` is given, the times follow from this rate instead of
+        the file.
 
     Returns
     -------

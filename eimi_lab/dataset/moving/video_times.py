@@ -95,7 +95,10 @@ def capture_rate_Hz(path: Path) -> float | None:
 
 
 def _boxes(path: Path) -> bytes:
-    """Return the bytes of the box `moov` of an MP4 file, at most 16 MiB; empty if the file has no such box."""
+    """Return the bytes of the box `moov` (the block of metadata) of an MP4 file, at most 16 MiB.
+
+    The result is empty if the file has no such box.
+    """
     with path.open("rb") as file:
         while head := file.read(16):
             if len(head) < 8:

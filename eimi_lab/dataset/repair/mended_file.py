@@ -67,7 +67,7 @@ class MendedFile(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Fill `buffer` with bytes from the present position, also with replaced bytes; return the number of bytes."""
+        """Fill `buffer` with bytes from the present position, of which some may be replaced; return their number."""
         content = self.bytes_at(self._at, len(buffer))
         buffer[: len(content)] = content
         self._at += len(content)

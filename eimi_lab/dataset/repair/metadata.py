@@ -57,7 +57,8 @@ def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | No
 def _mend_header(file: MendedFile, at: int) -> int:
     """Correct the object header at the position `at` of a file and the continuation blocks of this header.
 
-    Returns the number of corrected blocks.
+    An object header is HDF5's description of one group or array; a long header continues in further blocks. Returns the
+    number of corrected blocks.
     """
     lengths = {_header_length(file.bytes_at(at, 64))}
     head = file.bytes_at(at, 64)
@@ -104,8 +105,9 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 def _header_length(head: bytes) -> int:
     """Return the length in bytes of an object header of version 2, including its checksum.
 
-    ``head`` contains the first bytes of the header. The result is 0 if these bytes do not belong to an object header of
-    version 2 (HDF5 File Format Specification 3.0, section IV.A.1.b).
+    An object header is HDF5's description of one group or array. ``head`` contains the first bytes of the header. The
+    result is 0 if these bytes do not belong to an object header of version 2 (HDF5 File Format Specification 3.0,
+    section IV.A.1.b).
     """
     if len(head) < 34 or head[4] != 2:
         return 0

@@ -1,4 +1,4 @@
-"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state.
+"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state (load step).
 
 In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
 """
@@ -48,7 +48,7 @@ def import_points(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from a table of tracked points and a table with the loads of each state.
+    """Make a dataset from a table of tracked points and a table with the loads of each state (load step).
 
     Parameters
     ----------
@@ -116,7 +116,10 @@ def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
 
 
 def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
-    """Raise InputError if the point in a row is not on the beam at rest, or if its uncertainty is not positive."""
+    """Raise InputError if the point in a row of points.csv is not on the beam at rest.
+
+    The error is also raised if the uncertainty of the point is not positive.
+    """
     beam = specimen.specimen
     if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
         raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
@@ -132,7 +135,11 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
 
 
 def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
-    """Say how far from the centre line the model has silicone; a step of the size is a short ramp in the model."""
+    """Return the limit of the distance of a point from the centre line in words, for an error message.
+
+    If the width or depth changes along the beam, the text gives the size in the simulation of the beam at this point.
+    There, a step of the size is replaced by a short ramp.
+    """
     if not rows_of(size_mm):
         return f"within half of {key} = {size_mm:g}"
     return f"within half of {key} at this x0_mm = {modelled_mm[0]:.4g} (a step of {key} is a short ramp in the model)"

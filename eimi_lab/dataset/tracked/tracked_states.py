@@ -1,4 +1,4 @@
-"""Make a dataset from tracked points of another program, and from a table with the frame and loads of each state."""
+"""Make a dataset from points that another program tracked, and from a table with the frame of each load step."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def import_tracks(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from points that another program tracked, and from a table of states.
+    """Make a dataset from points that another program tracked, and from a table of states (load steps).
 
     Parameters
     ----------
@@ -90,9 +90,10 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index of a frame in the tracks. A row of the table of states gives the number or time of the frame.
+    """Return the index of a frame among the frames in which points were tracked.
 
-    Raises InputError if the tracks have no such frame.
+    A row of the table of load steps gives the number or the time of the frame. Raises InputError if there is no such
+    frame.
     """
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
@@ -122,7 +123,8 @@ def points_on_beam(
 
     A point is used if it is on the beam at rest, and if it was seen in at least one of the frames with the indices
     ``at``. If there are more than `MOST_POINTS` such points, `MOST_POINTS` of them are returned, evenly spaced in the
-    order of the file. A point counts as on the beam up to a distance of ``margin_mm`` from it; None: 2 % of the width.
+    order of the file. A point counts as on the beam up to a distance of ``margin_mm`` from the beam; None stands for
+    2 % of the width of the beam.
 
     Raises InputError if there is no such point. A note on standard error tells how many points are left out.
     """

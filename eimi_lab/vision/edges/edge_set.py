@@ -35,7 +35,7 @@ class EdgePoints:
 
 @dataclass(frozen=True)
 class EdgeSet:
-    """Both edges of the beam in one state, the flags and the corners.
+    """Both edges of the beam in one state (load step), the flags and the corners.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def tip_angle_deg(edges: EdgeSet) -> float:
     Parameters
     ----------
     edges : EdgeSet
-        Both edges of a state.
+        Both edges of a state (load step).
 
     Returns
     -------
@@ -105,7 +105,7 @@ def tip_angle_sigma_deg(edges: EdgeSet) -> float:
     Parameters
     ----------
     edges : EdgeSet
-        Both edges of a state.
+        Both edges of a state (load step).
 
     Returns
     -------

@@ -75,9 +75,9 @@ def find_edges(
     projection : Projection, optional
         Weighted sum by which the image's colours become grey values.
     earlier : callable, optional
-        Return the edges of an earlier state with the same calibration, or None. The function is called only if several
-        bodies are equally likely to be the beam. The body nearest to the earlier edges is then used, with the flag
-        ROOT_AMBIGUOUS.
+        Return the edges of an earlier state (load step) with the same calibration, or None. The function is called only
+        if several bodies are equally likely to be the beam. The body nearest to the earlier edges is then used, with
+        the flag ROOT_AMBIGUOUS.
     expected_mm : ndarray, shape (n, 2), optional
         Centre line of the beam in an earlier picture, from the clamp outward. The search then ignores the clicked
         points of the calibration.
