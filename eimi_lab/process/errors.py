@@ -6,7 +6,7 @@ import sys
 
 
 class InputError(Exception):
-    """An input of the user cannot be used.
+    """The error that is raised if an input of the user cannot be used.
 
     The program prints the message without a traceback and ends with exit status 2.
 
@@ -16,7 +16,7 @@ class InputError(Exception):
 
 
 class OwnFault(Exception):
-    """The error that is raised if this program has a fault, which the input of the user does not cause."""
+    """The error that is raised if the cause is a fault of this program, and not the input of the user."""
 
     def __init__(self, what: str, error: str) -> None:
         """Create the error.

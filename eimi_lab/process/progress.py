@@ -53,8 +53,8 @@ class Report:
 def progress(title: str, total: int) -> Iterator[Report]:
     """Show the progress of long work.
 
-    The estimate of the remaining time leaves out the first step, during which modules are loaded or a beam is
-    conditioned.
+    The estimate of the remaining time leaves out the first step, which may take longer than other steps because modules
+    are loaded or the load cycles before a run are applied.
 
     Parameters
     ----------

@@ -1,5 +1,7 @@
 """Move a process into a separate systemd scope, so that the process outlives the program that started it.
 
+A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
+
 Without a separate scope, the process belongs to the control group of that program. All processes of a control group end
 if systemd-oomd ends the group, a desktop closes a program, or a service is stopped.
 """
@@ -19,7 +21,9 @@ _OWN_GROUP = Path("/proc/self/cgroup")
 
 
 def move_to_own_scope(name: str, description: str) -> bool:
-    """Move this process into a new scope of the user's systemd, so that it outlives the program that started it.
+    """Move this process into a new scope of systemd, so that the process outlives the program that started it.
+
+    A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
 
     The process is not moved if the user has no systemd. It is not moved either if the new scope would end with the
     user's session although the process without a new scope would outlive the session.

@@ -33,7 +33,7 @@ IN_HASTE_AFTER_S = 1.0
 
 
 class Stopped(BaseException):
-    """A signal asked the program to stop.
+    """The exception that is raised if a signal, such as Ctrl-C, asks the program to stop.
 
     The class is not an `Exception`, so that no handler of ordinary errors catches it.
 
@@ -85,7 +85,7 @@ def unwind_on_termination() -> None:
 
 @contextmanager
 def leaving() -> Iterator[None]:
-    """Ignore the signals that end the program while it prints its last lines. After the context, a signal ends it.
+    """Ignore the signals that end the program while it prints its last lines, until the context ends.
 
     Before this context, every file must be closed and every instrument must be off.
     """

@@ -29,11 +29,11 @@ The value is used for a rig without a table [virtual] and without a region of th
 
 
 def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
-    """Return a rig with a table [virtual] and the virtual camera.
+    """Return a rig with the virtual camera and a table [virtual], which gives the parameters of a simulated bench.
 
     A rig that has this table is returned unchanged. A rig without this table gets the table of the virtual rig that is
-    shipped with eimi-lab. The frames of the returned rig then have the size of the camera's region in the given rig. If
-    the given rig has no region, the frames have a size that shows the beam with a margin.
+    shipped with eimi-lab. The frames of the returned rig then have the size of the region that the given rig file sets
+    for the camera. If the given rig has no region, the frames have a size that shows the beam with a margin.
     """
     if rig.virtual is not None:
         return rig
@@ -55,10 +55,10 @@ def _size_that_shows(rig: Rig, specimen: SpecimenFile) -> tuple[int, int]:
 def write_client_rig(
     rig: Rig, path: Path, supply_address: str, camera_address: str, sensor_addresses: Mapping[str, str], force: bool
 ) -> None:
-    """Write the rig file of a served bench, and its calibration file into the same folder.
+    """Write the rig file with which another program can measure on a simulated bench, and the calibration file.
 
-    The rig file does not contain the true material. The camera in the rig file is a GigE camera with the settings of
-    the served rig.
+    The bench is "served": its instruments can be reached over real protocols. The rig file does not contain the true
+    material. The camera in the rig file is a GigE camera with the settings of the served rig.
 
     Parameters
     ----------

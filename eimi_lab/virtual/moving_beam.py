@@ -88,15 +88,15 @@ class MovingBeam:
 
     @property
     def coordinates(self) -> Array:
-        """The present n coordinates of the rod, shape (n,).
+        """The present n coordinates of the rod that models the beam, shape (n,).
 
-        The coordinates are amplitudes of bending, the angle of the hinge if there is a magnet, and the amplitude of
-        stretching.
+        The coordinates are amplitudes of bending, the angle of the hinge between rod and magnet if there is a magnet,
+        and the amplitude of stretching.
         """
         return self._state[: self.rod.size]
 
     def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
-        """Return the n coordinates of the rod in equilibrium in a field (mT), shape (n,).
+        """Return the n coordinates of the rod that models the beam, in equilibrium in a field (mT), shape (n,).
 
         The search begins at the coordinates ``start``, by default at the straight rod. Raises ArithmeticError if no
         equilibrium is found.

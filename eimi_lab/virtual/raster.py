@@ -56,10 +56,10 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the fraction of each pixel of a window that a polygon covers, shape (height, width).
+    """Return the fraction of each pixel of a rectangle that a polygon covers, shape (height, width).
 
     ``vertices`` are the vertices x, y of the polygon in pixels, shape (n, 2). ``size`` is the width and height of the
-    window, px. The borders of the pixels, not their centres, are at integer coordinates.
+    rectangle, px. The borders of the pixels, not their centres, are at integer coordinates.
     """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices

@@ -102,7 +102,7 @@ def _section_m2(specimen: Specimen) -> float:
 
 
 class Rod:
-    """Kinematics, inertia and forces of the rod.
+    """Kinematics, inertia and forces of the elastic rod that models the moving beam.
 
     The n coordinates of the rod are amplitudes of bending, the angle of the hinge (only with a magnet), and amplitudes
     of stretching. The mass of the rod is concentrated at p points: the Gauss points and the rigid part at the tip.

@@ -1,4 +1,4 @@
-"""Serve the supply, the camera and the sensors of a rig on one emulated coil over real protocols."""
+"""Let other programs use the simulated supply, camera and sensors of a rig on one coil, over real protocols."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def port_of(address: str) -> int | None:
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
     """Return a function that takes an 8-bit picture of the virtual beam.
 
-    The picture has the shape (height, width). If the rig has a camera region, black rows above and black columns to the
-    left stand for the part of the sensor outside the region. The beam is in the coil that another process serves at the
-    address ``coil_line``.
+    The picture has the shape (height, width). If the rig file limits the camera to a region of its sensor, black rows
+    above and black columns to the left stand for the part of the sensor outside the region. The beam is in the coil
+    that another process serves at the address ``coil_line``.
     """
     # With a frame rate, the virtual camera would return stored frames in their order, not the present beam.
     at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})

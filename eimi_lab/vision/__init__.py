@@ -12,7 +12,7 @@ intensity            combine colours and frames into one image, and correct it b
 projection           choose the colour projection in which the beam differs most from its surroundings
 beam_frame           map pixels to millimetres in the beam frame, and back
 field_at_beam        apply the coil's field and the background field of a calibration to loads
-check                one quality check of a state, and the flag that it raises
+check                one quality check of a state (load step), and the flag that records its failure
 flags                the table of all quality checks
 followed_checks      the quality checks of edges that were followed from the clamp
 frame_checks         check the frames of one state for losses, repetitions and motion

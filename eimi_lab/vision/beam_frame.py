@@ -43,9 +43,9 @@ def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
 class BeamFrame:
     """The map between pixels and the beam frame of a calibration.
 
-    The origin of the beam frame is the middle of the clamp line. The x axis runs along the undeformed beam, away from
-    the clamp. The y axis is perpendicular to the x axis, on the side toward which the positive coil field points. A
-    point p of the image (px) has the coordinates
+    The origin of the beam frame is the middle of the clamp line, at which the beam leaves its clamp. The x axis runs
+    along the undeformed beam, away from the clamp. The y axis is perpendicular to the x axis, on the side toward which
+    the positive coil field points. A point p of the image (px) has the coordinates
 
         x = (p - p0) · a / s,    y = (p - p0) · b / s
 

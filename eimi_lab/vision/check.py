@@ -53,7 +53,7 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return the standard deviation (mm) that the flag adds to the edge points of the state.
+        """Return the standard deviation (mm) that the flag (failed check) adds to the edge points of a load step.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
     Parameters
     ----------
     loads
-        The loads, with the coil's field at the magnet.
+        The loads, with the coil's field at the magnet, T.
     calibration
         The calibration.
     specimen
@@ -31,7 +31,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
     Raises
     ------
     InputError
-        If a loop of the coil passes through the beam, or if the field map of the calibration does not
+        If a loop of the coil passes through the beam, or if the map of the measured field in the calibration does not
         cover the magnet.
     """
     background_T = stated_background_T(calibration)

@@ -20,8 +20,8 @@ def _motion_px(ratio: float) -> float:
     """Return the motion of a beam (px) between two frames whose settling ratio is given (see `settling_statistic`).
 
     The settling ratio is the mean squared difference of two frames, divided by the difference that noise alone causes.
-    The difference ratio - 1 grows with the square of the motion. The measured ratio is 1.06 at a motion of 1/20 px, and
-    2.3 at a motion of 1/5 px.
+    The ratio exceeds 1 by an amount that grows with the square of the motion. The measured ratio is 1.06 at a motion of
+    1/20 px, and 2.3 at a motion of 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
@@ -271,6 +271,7 @@ def judge(
     Returns
     -------
     tuple of Flag
+        The flags; empty if every measured value is within its limit.
 
     Raises
     ------

@@ -33,6 +33,7 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
     Returns
     -------
     tuple of Flag
+        The flags; empty if no frame is missing or repeated.
     """
     pairs = list(pairwise(frames))
     return judge(
@@ -48,11 +49,10 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 
 
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
-    """Return the flags DROPPED, DUPLICATE and NOT_SETTLED that the imported frames of one state raise.
+    """Return the failed quality checks (flags) of the imported frames of one state (load step).
 
-    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves.
-
-    An acquisition makes the same checks while it runs.
+    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves. A run makes the same
+    checks while it takes the frames.
 
     Parameters
     ----------

@@ -93,6 +93,7 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
     Returns
     -------
     ndarray, shape (H, W) or (H, W, 3)
+        The image with one or three channels.
     """
     if coloured:
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
@@ -122,7 +123,7 @@ def full_scale(image: NDArray[Any]) -> float:
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     """Return the mean of the frames of a state (load step), in grey levels of the frames.
 
-    The standard deviation of the noise in the mean of n frames is 1/√n of that in one frame.
+    The noise in the mean of n frames has 1/√n of the standard deviation of the noise in one frame.
 
     Parameters
     ----------
@@ -132,6 +133,7 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, 3)
+        The mean frame.
 
     Raises
     ------

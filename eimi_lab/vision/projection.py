@@ -78,6 +78,7 @@ class Projection:
         Returns
         -------
         ndarray of float32, shape (H, W)
+            The grey values.
         """
         pixels = np.asarray(image)
         if pixels.ndim != 3:

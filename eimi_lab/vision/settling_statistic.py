@@ -5,7 +5,7 @@ For two frames a and b, with the variance v of the noise at the grey level of ea
     ratio = mean((b - a)²) / mean(2 v).
 
 The means are taken over a band along the edges of the beam, where motion changes the grey values. The ratio is 1 for a
-beam at rest. The difference ratio - 1 grows with the square of the motion.
+beam at rest. For a moving beam it exceeds 1 by an amount that grows with the square of the motion.
 
 The variance as a function of the grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is
 measured on frames at rest. No data sheet of the camera is needed.
@@ -99,6 +99,7 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     Returns
     -------
     Noise
+        The variance of the noise as a function of the grey level.
 
     Raises
     ------

@@ -113,6 +113,7 @@ def from_board(
     Returns
     -------
     calibration : Calibration
+        The calibration with the measured values.
     lines : list of str
         Lines for a person, with the residuals of the lens and of the board.
 
@@ -168,7 +169,10 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens; return the lens, and its distance (mm) to the board in the beam's middle plane."""
+    """Calibrate the lens; return the lens, and the distance (mm) from the lens to the board in the beam's plane.
+
+    `views` contains the points of the board that were found in each image, and `size` the size of the images (px).
+    """
     try:
         lens = calibrate_lens(list(views.values()), size)
         return lens, lens.stand_off_mm(mid_plane)
@@ -223,6 +227,7 @@ def from_beam(
     Returns
     -------
     calibration : Calibration
+        The calibration with the measured values.
     lines : list of str
         Lines for a person, with the uncertainty of the scale.
 
@@ -267,6 +272,7 @@ def from_ruler(
     Returns
     -------
     calibration : Calibration
+        The calibration with the measured scale.
     lines : list of str
         Lines for a person, with the uncertainty of the scale.
 
@@ -313,7 +319,7 @@ def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[
 
 
 def with_measured_clamp(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
-    """Return the calibration with the middle of the clamp line measured on an image of the beam.
+    """Return the calibration with the middle of the clamp line (where the beam leaves its clamp) measured on an image.
 
     Parameters
     ----------
@@ -352,6 +358,7 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
     Returns
     -------
     calibration : Calibration
+        The calibration with the measured direction of gravity.
     lines : list of str
         Lines for a person, with the direction of gravity and the uncertainty of this direction.
 

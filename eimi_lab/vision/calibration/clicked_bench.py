@@ -36,9 +36,9 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """The points (px) that a person clicked on a photograph of the bench, and the answers about the bench.
+    """The points (px) that a person clicked on a photograph of the bench, and the person's answers about the bench.
 
-    The bench is the clamp with the beam, a ruler and the camera.
+    The bench is the clamp with the beam, a ruler and the camera. The answers tell, for example, what is level or plumb.
     """
 
     clamp_px: Points = Field(min_length=1, max_length=2)
@@ -96,6 +96,7 @@ def measure_bench(
     Returns
     -------
     MeasuredBench
+        The calibration, and the source of each value in words.
 
     Raises
     ------
@@ -169,13 +170,16 @@ def _check_inside(clicked: ClickedBench, size: tuple[int, int]) -> None:
 
 
 def _middle(clicked: ClickedBench) -> tuple[float, float]:
-    """Return the middle of the clamp line, px."""
+    """Return the middle of the line at which the beam leaves its clamp, px."""
     (x, y), (other_x, other_y) = clicked.clamp_px[0], clicked.clamp_px[-1]
     return 0.5 * (x + other_x), 0.5 * (y + other_y)
 
 
 def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the scale in px/mm, its relative uncertainty due to the clicks, and its source in words."""
+    """Return the scale in px/mm, its relative uncertainty due to the clicks, and its source in words.
+
+    `click_px` is the standard uncertainty of a click, px.
+    """
     ruler_px = math.dist(*clicked.ruler_px)
     if ruler_px < FEWEST_RULER_PX:
         raise InputError(
@@ -193,7 +197,10 @@ def _direction_deg(points: tuple[tuple[float, float], ...]) -> float:
 
 
 def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -> float:
-    """Return the uncertainty (degrees) of the direction through two points that is due to the clicks."""
+    """Return the standard uncertainty (degrees) of the direction through two clicked points.
+
+    `click_px` is the standard uncertainty of a click, px.
+    """
     return math.degrees(math.sqrt(2.0) * click_px / math.dist(points[0], points[-1]))
 
 
@@ -214,7 +221,10 @@ def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]
 
 
 def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
-    """Return the two clicked ends of the clamp line, px; raise InputError if the ends are missing or too close."""
+    """Return the two clicked ends of the line at which the beam leaves its clamp, px.
+
+    Raise InputError if the ends are missing or too close.
+    """
     if len(clicked.clamp_px) < 2 or math.dist(*clicked.clamp_px) < 0.5 * FEWEST_RULER_PX:
         raise InputError(
             f"click both ends of the clamp's edge, at least {0.5 * FEWEST_RULER_PX:g} px apart, because the direction "

@@ -39,7 +39,7 @@ class BeamPose:
         Standard deviation of the scale due to the scatter of the edges. The uncertainty of the specimen's width is not
         included.
     clamp_midpoint_px : tuple of float
-        Middle of the clamp line.
+        Middle of the clamp line (where the beam leaves its clamp), px.
     axis_angle_deg : float
         Direction of the beam, clockwise from the image's +x.
     axis_angle_sigma_deg : float
@@ -69,6 +69,7 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     Returns
     -------
     BeamPose
+        The scale, the middle of the clamp line and the axis, with standard deviations of scale and axis.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
 
 
 def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> tuple[float, float]:
-    """Return the middle of the clamp line, px, measured on one image of the beam.
+    """Return the middle of the clamp line (where the beam leaves its clamp), px, measured on one image.
 
     Parameters
     ----------

@@ -84,6 +84,7 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Returns
     -------
     Lens
+        The camera matrix and the distortion coefficients, with the residual of the calibration in px.
 
     Raises
     ------
@@ -171,6 +172,7 @@ def fit_board_pose(view: View, board_error: float) -> BoardPose:
     Returns
     -------
     BoardPose
+        The scale, the direction and the tilt of the board, with standard deviations of scale and direction.
 
     Examples
     --------

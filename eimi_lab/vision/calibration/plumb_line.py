@@ -63,6 +63,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     Returns
     -------
     PlumbLine
+        The direction of gravity, and the standard deviation of this direction.
 
     Raises
     ------

@@ -8,7 +8,7 @@ passes                  refine the outline to edge points, in two passes
 profiles                read grey values along normals, and fit blurred steps to them
 uneven_light            estimate how the back-light changes along a profile
 curve                   fit a smooth curve through the points of an edge of the beam
-edge_set                the result: both edges, the flags and the corners of the beam
+edge_set                the result: both edges, the corners of the beam and the flags (failed quality checks)
 stated_shape            lengths and widths of the specimen, whose width may vary along its length
 dimensions              measure width, length and twist of the beam from its edges
 quality                 measure contrast, clipping, blur and gamma at the edges

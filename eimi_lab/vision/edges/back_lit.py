@@ -268,7 +268,10 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return how a turn of the beam about its axis changes the fitted modulus, in words for the advice of flags."""
+        """Return texts for the advice of flags (failed quality checks): the effect of a turned beam on the modulus.
+
+        The texts say how much the fitted modulus changes if the beam is turned about its axis.
+        """
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 

@@ -59,6 +59,7 @@ def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back
     Returns
     -------
     ClampLine
+        The line at the edge of the clamp; the clamp line of the calibration if the edge is not visible.
     """
     origin, ahead_mm, across_mm = frame.to_px([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     scale = float(np.linalg.norm(ahead_mm - origin))

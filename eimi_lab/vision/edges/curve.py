@@ -71,6 +71,7 @@ class SmoothCurve:
         Returns
         -------
         points, tangents : ndarray, shape (..., 2)
+            The points of the curve, and the unit tangents at these points.
         """
         parameter = np.interp(distance, self._distance, self._parameter)
         tangent = self._slope(parameter)

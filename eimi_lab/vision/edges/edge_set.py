@@ -60,9 +60,9 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """The points midway between each of the n points of the left edge and the nearest point of the right edge.
+        """The middle line of the beam, mm, shape (n, 2); empty if an edge has no points.
 
-        In mm, shape (n, 2).
+        Each point is midway between one of the n points of the left edge and the nearest point of the right edge.
         """
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):

@@ -52,8 +52,9 @@ def find_edges(
     picture, the beam is also followed if the silhouette raises one of several flags (failed quality checks), for
     example HOLE_OR_REFLECTION.
 
-    A few pixels at the clamp line and at the corners are left out, because a profile there is not a clean step. If the
-    root of the beam is brighter than its surroundings, the beam is taken as a lit beam in front of a dark background.
+    A few pixels at the clamp and at the corners are left out, because the grey values across the edge are not a clean
+    step there. If the beam at its clamp is brighter than its surroundings, it is taken as a lit beam in front of a dark
+    background.
 
     Parameters
     ----------
@@ -75,9 +76,9 @@ def find_edges(
     projection : Projection, optional
         Weighted sum by which the image's colours become grey values.
     earlier : callable, optional
-        Return the edges of an earlier state (load step) with the same calibration, or None. The function is called only
-        if several bodies are equally likely to be the beam. The body nearest to the earlier edges is then used, with
-        the flag ROOT_AMBIGUOUS.
+        Function that returns the edges of an earlier state (load step) with the same calibration, or None. The function
+        is called only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is
+        then used, with the flag ROOT_AMBIGUOUS.
     expected_mm : ndarray, shape (n, 2), optional
         Centre line of the beam in an earlier picture, from the clamp outward. The search then ignores the clicked
         points of the calibration.
@@ -85,6 +86,7 @@ def find_edges(
     Returns
     -------
     EdgeSet
+        Both edges in mm, the flags (failed quality checks) and the corners of the beam.
 
     Examples
     --------
@@ -172,6 +174,7 @@ def follow_beam(
     Returns
     -------
     FollowedBeam
+        Both edges in px, the measured values and the intermediate results.
     """
     pixels = np.asarray(image)
     if pixels.ndim not in (2, 3) or min(pixels.shape[:2]) < _SMALLEST_FRAME_PX:
@@ -237,7 +240,7 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
-    """Convert one edge of a beam that was followed from its clamp from pixels to millimetres."""
+    """Convert one edge of a beam, which was followed from its clamp, from pixels to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 

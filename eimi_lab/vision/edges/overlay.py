@@ -1,4 +1,4 @@
-"""Draw the edges, their normals, the corners and the flags on a frame, and combine many pictures on one sheet."""
+"""Draw the edges of the beam and the failed quality checks (flags) on a frame, and combine pictures on one sheet."""
 
 from __future__ import annotations
 
@@ -167,6 +167,7 @@ def contact_sheet(
     Returns
     -------
     ndarray of uint8, shape (H, W, 3)
+        The sheet, with the same order of colours as in the pictures.
     """
     wide, high = size_px
     columns = max(1, math.ceil(math.sqrt(len(pictures))))

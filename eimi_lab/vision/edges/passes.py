@@ -390,8 +390,8 @@ def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tup
 
     A requested arc length is the place of a point of the edge. At most `MOST_POINTS` arc lengths are requested, at
     least `spacing` apart. Further arc lengths are added between the requested arc lengths until neighbours are at most
-    `widest` apart. The distance of neighbours stays so large that their profiles do not overlap. Every stride-th
-    returned arc length is a requested one.
+    `widest` apart. The distance of neighbours stays so large that their profiles (lines on which grey values are read)
+    do not overlap. If the stride is s, every s-th returned arc length is a requested arc length.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

@@ -35,6 +35,7 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
     Returns
     -------
     ndarray, shape (...) or (..., channels)
+        The interpolated value at each point.
 
     Examples
     --------
@@ -89,8 +90,8 @@ def read_profiles(
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Mean grey values over the k lines of each profile. The grid points of the k lines are shifted along the normal
-        by different fractions of a pixel, with the mean zero.
+        Mean grey values over the k lines of each profile. On each line, the points at which grey values are read are
+        shifted along the line by another fraction of a pixel. The mean of these shifts is zero.
     inside : ndarray of bool, shape (n,)
         Whether a profile lies entirely in the image.
     """
@@ -199,6 +200,7 @@ def fit_steps(
     Returns
     -------
     Steps
+        The position, the plateaus (grey values beside the step) and the residual of each step, and the common blur.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Measure contrast, clipping, blur and gamma at the edges of a picture, for the table of flags."""
+"""Measure contrast, clipping, blur and gamma at the edges of a picture, for the quality checks (flags)."""
 
 from __future__ import annotations
 

@@ -90,6 +90,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
     Returns
     -------
     BackLight
+        The fitted back-light, and the grey values of back-light and beam at the root.
     """
     height, width = image.shape
     small_size = (max(1, width // _SHRINK), max(1, height // _SHRINK))
@@ -202,10 +203,10 @@ def find_silhouette(
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """Return the part of a closed contour of the beam beyond the clamp line, from the left edge to the right edge.
+    """Return the part of a closed contour of the beam that lies outside the clamp, from the left to the right edge.
 
     contour: points of the contour, px, shape (n, 2). The result has the shape (k, 2), with k = 0 if no point or every
-    point of the contour lies beyond the clamp line.
+    point of the contour lies outside the clamp.
     """
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():

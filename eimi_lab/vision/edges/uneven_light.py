@@ -40,6 +40,7 @@ def light_along(
     Returns
     -------
     ndarray, shape (n, m)
+        The relative back-light at the m distances along each profile.
     """
     stations_beyond = stations_px[-1] + np.arange(_REACH_PX + 1.0)
     beyond, inside = read_profiles(image, points_px, normals, stations_beyond)

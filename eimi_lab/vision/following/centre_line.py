@@ -99,7 +99,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     Parameters
     ----------
     clamp_px : ndarray, shape (2,)
-        Middle of the clamp line.
+        Middle of the clamp line (where the beam leaves its clamp).
     ahead : ndarray, shape (2,)
         Unit vector of the beam at its clamp.
     clicks_px : ndarray, shape (n, 2)
@@ -108,6 +108,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     Returns
     -------
     CentreLine
+        The expected centre line of the beam.
     """
     corners = _merged(off_clamp(clamp_px, clicks_px))
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])

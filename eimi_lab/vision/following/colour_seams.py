@@ -71,6 +71,7 @@ def find_colour_seams(
     Returns
     -------
     Seams
+        Both edges after the last pass.
     """
     for number, tolerance in enumerate(tolerances):
         band = BODY_BAND if shadowless and number == 0 else INSIDE_BAND

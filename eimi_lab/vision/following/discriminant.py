@@ -31,9 +31,10 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge of the beam in the unrolled picture.
+    """The colour projection of one edge: a weighted sum of the colours that is 1 inside the beam and 0 outside.
 
-    The unrolled picture is the picture, sampled at n stations along the beam and m points across the beam.
+    The projection is computed in the unrolled picture, with weights that vary along the beam. The unrolled picture is
+    the picture, sampled at n stations along the beam and m points across the beam.
 
     Attributes
     ----------
@@ -66,6 +67,8 @@ def project(
 ) -> ColourProjection:
     """Compute the colour projection of one edge from the colours on both sides of the edge.
 
+    A colour projection is a weighted sum of the colours that is 1 inside the beam and 0 outside.
+
     Parameters
     ----------
     unrolled : UnrolledPicture
@@ -85,6 +88,7 @@ def project(
     Returns
     -------
     ColourProjection
+        The projected colours, about 1 inside the beam and 0 outside, and the weights of the projection.
     """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])

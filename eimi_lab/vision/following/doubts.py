@@ -58,7 +58,7 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 def shadow_px(sides: Sides, width_px: float) -> float:
     """Return the RMS distance (px) between the reliable parts of the edges and the borders of possible shadows.
 
-    width_px: nominal width of the beam, px.
+    sides: both edges, and the borders of possible shadows of the beam. width_px: nominal width of the beam, px.
     """
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 

@@ -45,7 +45,9 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 @dataclass(frozen=True)
 class StripEdges:
-    """The points of one followed edge in pixels of the image, from the clamp outward.
+    """The points of one edge of a beam that was followed from its clamp, in pixels of the image.
+
+    The points are in the order from the clamp outward.
 
     Attributes
     ----------
@@ -68,7 +70,7 @@ class StripEdges:
 def locate_edge(
     image: NDArray[Any], unrolled: UnrolledPicture, sides: Sides, side: int, spacing_px: float
 ) -> StripEdges | None:
-    """Locate the points of one followed edge in the original image.
+    """Locate the points of one edge in the original image, after the beam was followed from its clamp.
 
     Profiles are read on normals to the edge. The colours of the profiles are converted to one number by the colour
     projection of the edge (a weighted sum). Blurred steps (from the inside to the outside value) are fitted to the

@@ -26,7 +26,7 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 
 def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[StripEdges, StripEdges]:
-    """Remove the points near the clamp and near the tip for which the width of the beam clearly differs.
+    """Remove the points near the clamp and near the tip where the width of the beam clearly changes.
 
     Parameters
     ----------

@@ -118,6 +118,7 @@ def follow(
     Returns
     -------
     FollowedBeam
+        Both edges in px, the measured values and the intermediate results.
     """
     if beam.width_px < NARROWEST_PX:
         return FollowedBeam({"followed_px": beam.width_px}, words=_words(beam))

@@ -90,6 +90,7 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
     Returns
     -------
     ndarray, shape (..., 15, channels)
+        The colours at the 15 points of each strip.
     """
     across = width.ravel().astype(np.float32)[:, None] * _ACROSS
     turn = angle.ravel().astype(np.float32)[:, None]
@@ -136,6 +137,7 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
     Returns
     -------
     ndarray, shape (...)
+        The support of each strip.
     """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
@@ -148,7 +150,7 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
     """Return the matrix that maps the colours at 15 points across a strip to the colour steps at both edges.
 
-    For c channels, the matrix has the shape (15 c, 2 c).
+    A strip is a band of the picture that may show the beam. For c channels, the matrix has the shape (15 c, 2 c).
     """
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
@@ -156,7 +158,8 @@ def _steps_of_channels(channels: int) -> NDArray[np.float32]:
 def brightness_step(colours: NDArray[np.float32]) -> Array:
     """Return the brightness inside each of n strips minus the brightness of the surroundings, shape (n,).
 
-    colours: colours at 15 points across each strip, shape (n, 15, channels).
+    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip, shape (n,
+    15, channels).
     """
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
@@ -225,6 +228,7 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the colours at the nine points inside each of n strips, shape (n, 9, channels).
 
-    colours: colours at 15 points across each strip, shape (n, 15, channels).
+    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip, shape (n,
+    15, channels).
     """
     return colours[:, _INSIDE]

@@ -1,6 +1,7 @@
 """Find an edge of the beam by dynamic programming, as the line at which the projected colour falls most.
 
-The picture was sampled at stations along the beam. A seam is a connected line with one point at each station.
+The projected colour is a weighted sum of the colours that is 1 inside the beam and 0 outside. The picture was sampled
+at stations (places) along the beam. A seam is a connected line with one point at each station.
 """
 
 from __future__ import annotations

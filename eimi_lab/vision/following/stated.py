@@ -20,7 +20,7 @@ class StatedBeam:
     Attributes
     ----------
     clamp_px : ndarray, shape (2,)
-        Middle of the clamp line.
+        Middle of the clamp line (where the beam leaves its clamp).
     axis_rad : float
         Direction of the beam at its clamp, clockwise from the image's +x.
     width_px, length_px : float

@@ -91,6 +91,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
     Returns
     -------
     Sides
+        Both edges, the stations at which each edge is reliable, and the end of the beam.
     """
     strip = np.outer(OUTWARD, 0.5 * unrolled.width)
     seams = move_off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
@@ -208,6 +209,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     Returns
     -------
     ndarray of bool, shape (n,)
+        True for the stations of the longest chain.
     """
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[NDArray[np.int64]] = []

@@ -64,8 +64,8 @@ class BeamCurve:
     def moved(self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None) -> BeamCurve:
         """Return the curve after one least-squares step toward p points beside the curve.
 
-        The points hardly determine the ends of the curve. Without a usual curve, these ends keep their direction.
-        With a usual curve, they return to its root and direction, so that errors of many steps do not add up.
+        The points hardly determine the ends of the curve. Without `usual`, these ends keep their direction. With
+        `usual`, the ends of the result are drawn toward the curve `usual`, so that errors of many steps do not add up.
 
         Parameters
         ----------

@@ -45,6 +45,7 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
     Returns
     -------
     StepPlaces
+        The position and the height of each step.
 
     Examples
     --------
