@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests with the package coverage, which records the lines
 that each test executes, and writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to
-the map of the same code. Coverage does not record a process that a test starts. A test that starts a module in a
+the map of the same code, and ``--jobs`` sets the number of processes. Coverage does not record a process that a test starts. A test that starts a module in a
 process is therefore selected if its file contains the name of the module.
 """
 
@@ -32,8 +32,8 @@ MOST_TESTS, MOST_S = 3000, 60.0
 _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(PACKAGES)}\n"
 
 
-def record(tests: Sequence[str], add: bool = False) -> int:
-    """Run the tests with coverage, and write the map; return pytest's exit status.
+def record(tests: Sequence[str], add: bool = False, jobs: int = 2) -> int:
+    """Run the tests with coverage in `jobs` processes, and write the map; return pytest's exit status.
 
     If `add` is true, the tests are added to the existing map.
     """
@@ -41,7 +41,7 @@ def record(tests: Sequence[str], add: bool = False) -> int:
         new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"
         settings.write_text(_SETTINGS, encoding="utf-8")
         options = [*(f"--cov={name}" for name in PACKAGES), f"--cov-config={settings}", "--cov-context=test"]
-        options += ["--cov-report=", f"--junitxml={report}", "-o", "junit_family=xunit1", "-q", "-n", "2"]
+        options += ["--cov-report=", f"--junitxml={report}", "-o", "junit_family=xunit1", "-q", "-n", str(jobs)]
         command = [sys.executable, "-m", "pytest", *options, *tests]
         environment = {**os.environ, "COVERAGE_FILE": str(new)}
         status = subprocess.run(command, cwd=PROJECT, env=environment, check=False).returncode
@@ -156,6 +156,7 @@ def _files_with(word: str) -> list[str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--add", action="store_true", help="add the tests to the map of the unchanged code")
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes that run tests")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()
-    sys.exit(record(given.tests, given.add))
+    sys.exit(record(given.tests, given.add, given.jobs))

@@ -144,6 +144,22 @@ _PLAIN: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_fake_camera_set_trigger_frequency": (None, (pointer, c_double)),
 }
 
+_GLIB: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "g_quark_to_string": (c_char_p, (c_uint32,)),
+    "g_error_free": (None, (pointer,)),
+    "g_free": (None, (pointer,)),
+}
+_GOBJECT: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "g_object_unref": (None, (pointer,)),
+    "g_object_set_property": (None, (pointer, c_char_p, POINTER(GValue))),
+    "g_value_init": (pointer, (POINTER(GValue), c_size_t)),
+    "g_value_set_double": (None, (POINTER(GValue), c_double)),
+}
+"""Result type and argument types of the functions of GLib and GObject.
+
+The sources are gquark.h, gerror.h, gmem.h, gobject.h and gvalue.h.
+"""
+
 
 class Aravis:
     """The functions of Aravis as methods: ``aravis.camera_get_payload(camera)`` calls ``arv_camera_get_payload``.
@@ -158,14 +174,10 @@ class Aravis:
             function = getattr(aravis, name)
             function.restype = result
             function.argtypes = (*arguments, POINTER(POINTER(_GError))) if name in _WITH_ERROR else arguments
-        glib.g_quark_to_string.restype, glib.g_quark_to_string.argtypes = c_char_p, (c_uint32,)
-        glib.g_error_free.restype, glib.g_error_free.argtypes = None, (pointer,)
-        glib.g_free.restype, glib.g_free.argtypes = None, (pointer,)
-        gobject.g_object_unref.restype, gobject.g_object_unref.argtypes = None, (pointer,)
-        gobject.g_object_set_property.restype = None
-        gobject.g_object_set_property.argtypes = (pointer, c_char_p, POINTER(GValue))
-        gobject.g_value_init.restype, gobject.g_value_init.argtypes = pointer, (POINTER(GValue), c_size_t)
-        gobject.g_value_set_double.restype, gobject.g_value_set_double.argtypes = None, (POINTER(GValue), c_double)
+        for library, functions in ((glib, _GLIB), (gobject, _GOBJECT)):
+            for name, (result, arguments) in functions.items():
+                function = getattr(library, name)
+                function.restype, function.argtypes = result, arguments
         self._aravis, self._gobject, self._glib = aravis, gobject, glib
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
