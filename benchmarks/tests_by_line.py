@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests with the package coverage, which records the lines
 that each test executes, and writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to
-the map of the same code, and ``--jobs`` sets the number of processes. Coverage does not record a process that a test starts. A test that starts a module in a
-process is therefore selected if its file contains the name of the module.
+the map of the same code, and ``--jobs`` sets the number of processes. Coverage does not record a process that a test
+starts. A test that starts a module in a process is therefore selected if its file contains the name of the module.
 """
 
 from __future__ import annotations
