@@ -25,6 +25,11 @@ from numpy.typing import NDArray
 
 EDGE_BAND_PX = 4
 EDGE_SHARE = 0.25  # of the steepest gradient
+SMOOTHING_PX = 1.5  # standard deviation of the Gaussian before the gradient
+REACH_PX = 7  # of the gradient: 6 for the Gaussian, 1 for the Sobel operator
+STEEPEST_STEP = 2 * 2**0.5  # bound of the gradient of grey values from 0 to 1, smoothed: 4 (k0 + k1) sqrt(2) is 2.71
+ROUNDING = 1e-5  # rounding error of the gradient, as a share of the largest grey value
+STRIP_ROWS = 64
 LEVELS = 24
 FEWEST_PIXELS = 500  # that are needed to measure a variance
 QUANTISATION = 1 / 12  # variance of rounding to whole grey levels
@@ -124,13 +129,61 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
     """Return whether each pixel of an image is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
 
-    A gradient is steep if it is at least a quarter of the steepest gradient in the image.
+    A gradient is steep if it is at least a quarter of the steepest gradient in the image. The gradients are computed
+    only where the range of the grey values permits a steep gradient, because their computation takes most of the time.
     """
-    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
-    steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
-    steep = (steepness >= EDGE_SHARE * steepness.max()).astype(np.uint8)
+    highest = _highest_steepness(image)
+    strip, column = np.unravel_index(np.argmax(highest), highest.shape)
+    left, right = max(int(column) - STRIP_ROWS, 0), int(column) + STRIP_ROWS
+    steepest = _steepness(image, int(strip) * STRIP_ROWS, left, right).max()
+    parts = []
+    for number, possible in enumerate(highest):
+        for left, right in _intervals(np.flatnonzero(possible >= EDGE_SHARE * steepest)):
+            steepness = _steepness(image, number * STRIP_ROWS, left, right)
+            steepest = max(steepest, steepness.max())
+            parts.append((number * STRIP_ROWS, left, steepness))
+    steep = np.zeros(image.shape, np.uint8)
+    for top, left, steepness in parts:
+        rows, columns = steepness.shape
+        steep[top : top + rows, left : left + columns] = steepness >= EDGE_SHARE * steepest
     side = 2 * EDGE_BAND_PX + 1
-    return cv2.dilate(steep, np.ones((side, side), np.uint8)).astype(bool)
+    first, last = (max(min(part[0] for part in parts) - EDGE_BAND_PX, 0), parts[-1][0] + STRIP_ROWS + EDGE_BAND_PX)
+    steep[first:last] = cv2.dilate(steep[first:last], np.ones((side, side), np.uint8))
+    return steep.view(np.bool_)
+
+
+def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[np.float32]:
+    """Return the steepness of the smoothed image in the strip of rows that begins at `top`, from `left` to `right`."""
+    first_row, first_column = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
+    around = image[first_row : top + STRIP_ROWS + REACH_PX, first_column : right + REACH_PX]
+    smooth = cv2.GaussianBlur(around.astype(np.float32), (0, 0), SMOOTHING_PX)
+    steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
+    rows = slice(top - first_row, top - first_row + STRIP_ROWS)
+    return steepness[rows, left - first_column : right - first_column]
+
+
+def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
+    """Return an upper bound of the steepness in each column of S strips of `STRIP_ROWS` rows, shape (S, W).
+
+    The bound is the range of the grey values within `REACH_PX`, times `STEEPEST_STEP`, and the rounding error.
+    """
+    tops = range(0, image.shape[0], STRIP_ROWS)
+    strips = [image[max(top - REACH_PX, 0) : top + STRIP_ROWS + REACH_PX] for top in tops]
+    lowest, highest = (np.stack([f(strip, axis=0) for strip in strips]).astype(np.float32) for f in (np.min, np.max))
+    near = np.ones((1, 2 * REACH_PX + 1), np.uint8)
+    spread = cv2.dilate(highest, near) - cv2.erode(lowest, near)
+    return STEEPEST_STEP * spread + ROUNDING * np.abs([lowest, highest]).max()
+
+
+def _intervals(columns: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return the first column and the column after the last of each group of neighbouring columns.
+
+    Groups that are at most `STRIP_ROWS` apart become one group, because each computation costs time.
+    """
+    if not len(columns):
+        return []
+    gaps = np.flatnonzero(np.diff(columns) > STRIP_ROWS)
+    return list(zip(columns[[0, *gaps + 1]].tolist(), (columns[[*gaps, -1]] + 1).tolist(), strict=True))
 
 
 def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:

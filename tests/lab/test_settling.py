@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -57,6 +58,30 @@ def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
     columns = np.flatnonzero(band.mean(axis=0) > 0.5)
     assert set(columns) <= {*range(105, 122), *range(179, 196)}
     assert {113, 187} <= set(columns)
+
+
+def band_of_the_whole_picture(image: np.ndarray) -> np.ndarray:
+    """Return the pixels within 4 px of a quarter of the steepest gradient, computed in the whole picture at once."""
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
+    steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
+    steep = (steepness >= 0.25 * steepness.max()).astype(np.uint8)
+    return cv2.dilate(steep, np.ones((9, 9), np.uint8)).astype(bool)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_the_band_is_that_of_the_whole_picture_although_parts_are_left_out(dtype: type) -> None:
+    rng = np.random.default_rng(8)
+    scale = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
+    for number in range(60):
+        height, width = rng.integers(1, 300, 2)
+        image = 120 + rng.normal(0.0, (0.5, 2.0, 20.0)[number % 3], (height, width))
+        image += np.linspace(0, rng.integers(1, 40), width)
+        for _ in range(number % 4):  # rectangles, also at the borders of the picture
+            top, left = rng.integers(0, height), rng.integers(0, width)
+            image[top : top + rng.integers(1, 150), left : left + rng.integers(1, 150)] += rng.integers(-90, 90)
+        image = (np.clip(image, 0, 255) * scale).astype(dtype)
+        np.testing.assert_array_equal(edge_band(image), band_of_the_whole_picture(image), f"{image.shape}")
+    assert edge_band(np.full((70, 70), 9, dtype)).shape == (70, 70)
 
 
 def test_a_stored_band_of_pixels_gives_the_same_ratio() -> None:
