@@ -172,7 +172,7 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
     lowest, highest = (np.stack([f(strip, axis=0) for strip in strips]).astype(np.float32) for f in (np.min, np.max))
     near = np.ones((1, 2 * REACH_PX + 1), np.uint8)
     spread = cv2.dilate(highest, near) - cv2.erode(lowest, near)
-    return STEEPEST_STEP * spread + ROUNDING * np.abs([lowest, highest]).max()
+    return np.asarray(STEEPEST_STEP * spread + ROUNDING * np.abs([lowest, highest]).max(), np.float32)
 
 
 def _intervals(columns: NDArray[np.int64]) -> list[tuple[int, int]]:
