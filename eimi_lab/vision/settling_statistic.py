@@ -147,12 +147,12 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
         rows, columns = steepness.shape
         steep[top : top + rows, left : left + columns] = steepness >= EDGE_SHARE * steepest
     side = 2 * EDGE_BAND_PX + 1
-    first, last = (max(min(part[0] for part in parts) - EDGE_BAND_PX, 0), parts[-1][0] + STRIP_ROWS + EDGE_BAND_PX)
+    first, last = max(parts[0][0] - EDGE_BAND_PX, 0), parts[-1][0] + STRIP_ROWS + EDGE_BAND_PX
     steep[first:last] = cv2.dilate(steep[first:last], np.ones((side, side), np.uint8))
     return steep.view(np.bool_)
 
 
-def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[np.float32]:
+def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[Any]:
     """Return the steepness of the smoothed image in the strip of rows that begins at `top`, from `left` to `right`."""
     first_row, first_column = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
     around = image[first_row : top + STRIP_ROWS + REACH_PX, first_column : right + REACH_PX]
