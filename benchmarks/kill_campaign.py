@@ -199,7 +199,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def stored(path: Path) -> list[float | None]:
-    """Read every frame of a dataset with its checksum; return the current (A) of each state."""
+    """Read every frame of a dataset with its checksum; return the current (A) of each state, None without a current."""
     with open_dataset(path) as dataset:
         for state in dataset.states:
             assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)

@@ -141,7 +141,10 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
-        """Start a run on the emulated supply that writes the dataset `output`; return the process of the run."""
+        """Start a run on the emulated supply that writes the dataset `output`; return the process of the run.
+
+        If `unread` is true, nobody reads the standard error of the run, so that its messages block.
+        """
         at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
         (self.folder / "rig.toml").write_text(f"""
 name = "emulated"

@@ -43,9 +43,9 @@ def _beside(measured: list[Array], simulated: Array) -> float:
     Parameters
     ----------
     measured : list of ndarray, shape (m, 2)
-        The measured points of the left and of the right edge, mm.
+        The m measured points (x, y) of the left and of the right edge, mm.
     simulated : ndarray, shape (2, n, 2)
-        The simulated left and right edges, mm.
+        The n points (x, y) of the simulated left and right edges, mm.
     """
     along = np.linspace(0, simulated.shape[1] - 1, _FINE)
     at = np.arange(simulated.shape[1])

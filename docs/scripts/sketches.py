@@ -57,8 +57,8 @@ def bare(axes: Axes, x: tuple[float, float], y: tuple[float, float]) -> None:
 def strip(curvature: float, length: float, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the middle line, the left edge and the right edge of a hanging beam that is bent to an arc.
 
-    Each curve has the shape (n, 2), with x to the right and y up. The units are those of `length` and `width`;
-    `curvature` is the inverse of the radius of the arc.
+    Each curve consists of n points, shape (n, 2), with x to the right and y up. The units are the units of `length` and
+    `width`. `curvature` is the inverse of the radius of the arc.
     """
     s = np.linspace(0, length, 60)
     turn = curvature * s

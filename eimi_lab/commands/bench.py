@@ -322,7 +322,9 @@ def calibrate_coil(
     ] = Path("calibration.toml"),
     largest: Annotated[
         float | None,
-        typer.Option(metavar="AMPERE", help="largest current", show_default="the largest current that the rig allows"),
+        typer.Option(
+            metavar="AMPERE", help="largest current, in ampere", show_default="the largest current that the rig allows"
+        ),
     ] = None,
     steps: Annotated[int, typer.Option(help="number of currents from zero to the largest current", min=2, max=200)] = 6,
     force: Force = False,

@@ -244,7 +244,7 @@ def _check_source(source: Path, states: Path | None) -> None:
 
 @with_fields(PictureOptions)
 def segment(
-    dataset: Annotated[Path, typer.Argument(help="dataset of frames")],
+    dataset: Annotated[Path, typer.Argument(help="dataset with frames of the beam")],
     specimen: Annotated[
         str | None,
         typer.Option(

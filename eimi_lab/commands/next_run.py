@@ -12,7 +12,9 @@ from eimi_lab.commands.shared_options import Force
 
 
 def plan(
-    fits: Annotated[Path, typer.Argument(help="fits.json of an earlier run, whose law and noise are used")],
+    fits: Annotated[
+        Path, typer.Argument(help="fits.json of an earlier run; the law and the noise in this file are used")
+    ],
     protocol: Annotated[str, typer.Argument(help="protocol.toml whose limits, ramp and settling are used again")],
     specimen: Annotated[
         list[str],
@@ -31,7 +33,10 @@ def plan(
         Path, typer.Option("-o", "--output", metavar="FILE", help="file for the protocol of the best run")
     ],
     states: Annotated[
-        int | None, typer.Option(help="number of states", min=2, show_default="the number of states in PROTOCOL")
+        int | None,
+        typer.Option(
+            help="number of states (currents) to choose", min=2, show_default="the number of states in PROTOCOL"
+        ),
     ] = None,
     goal: Annotated[
         str,

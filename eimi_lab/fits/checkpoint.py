@@ -41,7 +41,8 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 class Head(Record):
     """The first line of a checkpoint: laws, data, options and versions of its fits.
 
-    A fit is resumed only if the current inputs give the same first line.
+    A checkpoint is the log with which an interrupted fit can be resumed. A fit is resumed only if the current inputs
+    give the same first line.
     """
 
     fits: tuple[str, ...]
@@ -112,7 +113,11 @@ class Checkpoint:
 
     @staticmethod
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
-        """Open the checkpoint that the command line names. Raises InputError for `--resume` without `--checkpoint`."""
+        """Open the checkpoint that the command line names: the log with which an interrupted fit can be resumed.
+
+        `resume` continues an existing file, and `force` replaces it. Raises InputError for `--resume` without
+        `--checkpoint`.
+        """
         if path is None:
             raise InputError("--resume: give the file to resume from with --checkpoint")
         return Checkpoint(path, head, resume=resume, force=force)
@@ -241,7 +246,8 @@ def _append(path: Path, line: Record, fresh: bool = False) -> None:
     """Append one line to the checkpoint with a single write, and flush the line to the disk.
 
     Because each line is a single write, the lines of several processes do not mix. The line break is written before the
-    line, so that an incomplete last line of the file does not damage the new line.
+    line, so that an incomplete last line of the file does not damage the new line. If `fresh` is true, an existing file
+    is replaced.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
     descriptor = patiently(lambda: os.open(path, flags, 0o666))

@@ -20,10 +20,10 @@ _SHOWN = 12  # alternatives that are printed
 
 
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
-    """Discover which terms the law of a material needs, from datasets and tensile curves.
+    """Discover which terms of the strain energy the law of a material needs, from datasets and tensile curves.
 
-    The function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options. Evidence: the datasets with
-    beam model, loads and edges.
+    `evidence` holds the datasets, each with its beam model, loads and edges. `curves` holds the tensile curves. The
+    function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options.
 
     Raises
     ------
@@ -58,7 +58,10 @@ def library_of(names: Sequence[str]) -> tuple[Term, ...]:
 def content(
     discovery: Discovery, evidence: Sequence[Evidence], curves: Sequence[FileCurve], **numbers: float
 ) -> dict[str, Any]:
-    """Return the content of discovery.json as a dictionary. `numbers` are the numeric options of `discovered`."""
+    """Return the result of a discovery (the search for the terms of a law) in the form of discovery.json.
+
+    `numbers` are the numeric options of `discovered`, which are added to the result.
+    """
     return {
         "statement": discovery.statement,
         "identified": discovery.identified,

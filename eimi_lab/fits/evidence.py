@@ -168,7 +168,8 @@ def load_evidence(
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
     """Return the evidence (beam model, loads and measurements) from a dataset that contains edges or tracked points.
 
-    Raises InputError if no state can be used.
+    `section` replaces the model of the cross-section in the specimen file. If `flagged` is true, states with a serious
+    flag (failed quality check) are used, too. Raises InputError if no state can be used.
     """
     if not dataset.states and (dataset.ring_downs() or dataset.creeps()):
         raise InputError(f"{path}: holds a recorded motion and no states; fit the motion with --time prony")
@@ -296,9 +297,10 @@ def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
-    """Return the indices of the used states, and the edges or tracked points of these states.
+    """Return the indices of the used states (load steps), and the edges or tracked points of these states.
 
-    Raises InputError if no state can be used.
+    If `flagged` is true, states with a serious flag (failed quality check) are used, too. Raises InputError if no state
+    can be used.
     """
     if dataset.kind == "points":
         points = dataset.points()

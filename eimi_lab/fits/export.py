@@ -36,6 +36,7 @@ def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None
     path : Path
         The file, for messages.
     fits : sequence of FitRecord or TensileRecord
+        The fits in the file.
     model : str
         Name of the law.
     index : int or None
@@ -112,7 +113,11 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Return the comment lines of a material card: files, largest strain, intervals and reasons to distrust the fit."""
+    """Return the comment lines of a material card, which say how the constants of the card were identified.
+
+    The lines name the files of the data, the largest strain in the data, the intervals of the constants, and reasons to
+    distrust the fit.
+    """
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

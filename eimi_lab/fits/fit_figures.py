@@ -27,6 +27,7 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
     Parameters
     ----------
     law : Law
+        The hyperelastic law.
     parameters : ndarray, shape (n,)
         The n parameters of the law.
     drawn : ndarray, shape (D, n)

@@ -48,7 +48,10 @@ def _grade_lines(fit: FitRecord) -> list[str]:
 
 
 def cause_lines(fit: FitRecord) -> list[str]:
-    """Return a line with the two most probable causes of the residuals; an empty list if no causes were compared."""
+    """Return a line with the two most probable causes of the residuals, such as a tilted camera.
+
+    Residuals are the distances of measured from simulated points. The list is empty if no causes were compared.
+    """
     words = [
         "no listed cause"
         if cause.name == NONE

@@ -59,6 +59,7 @@ class LawRecord:
     max_stretch : float
         Largest principal stretch in the data.
     stability : Stability
+        The largest stretch at which the law is stable, with the criterion.
     doubts : tuple of Doubt
         Reasons to distrust the result. A doubt about a state contains the index of the state in the dataset.
     draws : Draws or None
@@ -130,7 +131,7 @@ class LawRecord:
         return in_words(modulus.value, modulus.interval_95)
 
     def notes(self) -> list[str]:
-        """Return sentences on the data of a fit and on its errors."""
+        """Return sentences on the data to which the law was fitted, and on the errors of the fit."""
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:

@@ -54,7 +54,7 @@ class FitOptions:
         typer.Option(
             metavar="NAME[=DEVIATION]",
             help="uncertain input to fit together with the law, and its standard deviation in mm, in degrees or as a "
-            "fraction, such as width=0.02, roll=0.1 or coil=0.01; or bulk for the bulk modulus; may be repeated",
+            "fraction, such as width=0.02 or coil=0.01 (the coil constant); bulk for the bulk modulus; may be repeated",
         ),
     ] = None
     prior: Annotated[
@@ -88,16 +88,23 @@ class FitOptions:
     restarts: Annotated[
         int,
         typer.Option(
-            help="number of restarts of the search; each restart has twice the population of the search before",
+            help="number of restarts of the search; each restart has twice the population (candidates in each "
+            "generation) of the search before",
             min=0,
             max=9,
         ),
     ] = 0
-    bipop: Annotated[bool, typer.Option("--bipop", help="between restarts, also search with small populations")] = False
+    bipop: Annotated[
+        bool,
+        typer.Option(
+            "--bipop", help="between restarts, also search with small populations (few candidates in each generation)"
+        ),
+    ] = False
     time: Annotated[
         str,
         typer.Option(
-            metavar="none|prony", help="viscoelastic law to fit; its data are the recorded ring-downs and creep"
+            metavar="none|prony",
+            help="viscoelastic law to fit to the recorded ring-downs and creep; prony is a Prony series",
         ),
     ] = "none"
 

@@ -37,7 +37,7 @@ class SeenDepth:
     Attributes
     ----------
     stand_off_mm : float
-        The stand-off of the lens that explains the edges.
+        The stand-off of the lens (its distance from the beam) that explains the edges.
     change_mm : float
         The largest change of the beam's width in the picture due to this stand-off.
     """
@@ -47,11 +47,14 @@ class SeenDepth:
 
 
 def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
-    """Estimate the stand-off of the lens from the edges in K states; None if no perspective is significant.
+    """Estimate the stand-off of the lens (its distance from the beam) from the edges in several states (load steps).
+
+    The result is None if the edges show no significant perspective.
 
     Parameters
     ----------
     observed : EdgeObservation
+        The measured edges in all states (load steps).
     centre_mm : ndarray, shape (2,)
         x and y in the beam frame of the intersection of the optical axis with the plane of the beam.
     depth_mm : float

@@ -99,6 +99,7 @@ def expected_ring_down(
     known : KnownLaw
         The law and parameters of an earlier fit.
     specimen : Specimen
+        The beam and its magnet.
     gravity_angle_deg : float or None
         Angle of gravity in the beam frame; None without gravity.
     tip_weight_N : float
@@ -156,6 +157,19 @@ def _effects_percent(
     """Return the change of the dynamic modulus (%) due to each quantity of each source of uncertainty, by name.
 
     Each change has a sign, and belongs to a deviation of the quantity by one standard uncertainty.
+
+    Parameters
+    ----------
+    beam : RingingBeam
+        The beam with the values in the input files.
+    modulus : float
+        The initial shear modulus of the earlier fit, Pa.
+    frequency_Hz : float
+        The frequency of the undamped beam.
+    gain : float
+        The relative change of the modulus divided by the relative change of the frequency, for small changes.
+    stated : sequence of StatedSource
+        The sources of uncertainty, with their standard uncertainties.
     """
     effects: dict[str, float] = {}
     for one in stated:

@@ -53,6 +53,7 @@ class Mounting:
     Attributes
     ----------
     specimen : SpecimenFile
+        The beam and its magnet.
     gravity_angle_deg : float or None
         Angle of gravity in the beam frame; None if gravity does not bend the beam.
     tip_weight_g : float
@@ -88,6 +89,7 @@ class PlannedRun:
     Attributes
     ----------
     mounting : Mounting
+        The mounting of this run.
     currents_A : tuple of float
         The currents of the chosen states. If each current is repeated with the opposite sign, only the positive
         currents.
@@ -186,7 +188,9 @@ def mountings(
     Parameters
     ----------
     specimens : sequence of SpecimenFile
+        The specimens that could be measured.
     rig : Rig
+        The rig file, which describes the instruments and gives the usual angle of gravity.
     gravity_angles : sequence of float
         Angles of gravity in the beam frame in degrees; if empty, the angle of the rig.
     weights : sequence of float
@@ -220,8 +224,11 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
     Parameters
     ----------
     goal : Goal
+        The quantity that the run should determine, or the two laws that it should distinguish.
     choices : sequence of Mounting
+        The mountings to compare.
     rig : Rig
+        The rig file, with the limits and the uncertainties of the instruments.
     protocol : Protocol
         Limits that apply in addition to the limits of the rig.
     states : int

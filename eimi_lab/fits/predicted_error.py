@@ -45,7 +45,9 @@ def error_interval_mm(
     Parameters
     ----------
     fit : FitRecord or TensileRecord
+        The fit, with random samples (draws) of its result.
     evidence : Evidence
+        The dataset, with its beam model, loads and measured edges.
     residuals_mm : ndarray, shape (K, G, m)
         Residuals of the fit in K states. The second axis (G = 2) holds the left and right edge or, for tracked points,
         the x and y components. The last axis holds m points. NaN where no point was measured.
@@ -82,7 +84,9 @@ def predicted_errors_mm(
     Parameters
     ----------
     fit : FitRecord or TensileRecord
+        The fit, with random samples (draws) of its result.
     evidence : Evidence
+        The dataset, with its beam model, loads and measured edges.
     misfit : Misfit
         Residuals of the fit and of its D draws; the first axis has 1 + D entries, the fit first.
     near : Configuration, optional

@@ -37,6 +37,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
     evidence : Evidence
         The dataset.
     fit : FitRecord or TensileRecord
+        The fit.
     path : Path
         The file of the fit.
     index : int
@@ -154,7 +155,7 @@ def _simulate_together(
 ) -> list[Prediction[Law] | None]:
     """Simulate all fits on one dataset; fits with the same section assumption are simulated together.
 
-    Section assumption: the model of the cross-section.
+    Section assumption: the model of the cross-section. The result is None for a fit that has to be simulated alone.
     """
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {

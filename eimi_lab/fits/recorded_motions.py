@@ -34,9 +34,11 @@ class MotionEvidence:
     Attributes
     ----------
     path : Path
+        The dataset file.
     sha256 : str
         Hash of the file.
     specimen : Specimen
+        The beam and its magnet.
     motions : tuple of RecordedMotion
         Ring-downs and creep.
     stated : tuple of StatedSource

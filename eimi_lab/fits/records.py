@@ -124,7 +124,10 @@ class CurveRecord(Record):
 
     @staticmethod
     def of(evidence: TensileEvidence, rmse_Pa: float) -> CurveRecord:
-        """Return the record of a curve that was read from a file or passed as numbers."""
+        """Return the record of a tensile curve that was read from a file or passed as numbers.
+
+        `rmse_Pa` is the root mean square of the residuals of the stress in the joint fit.
+        """
         curve = evidence.curve
         file = curve if isinstance(curve, FileCurve) else None
         numbers = np.stack([curve.strain, curve.stress_Pa]).astype("<f8").tobytes()

@@ -52,7 +52,7 @@ class Residuals:
     def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
         """Return the residuals (distances of measured from simulated points), labelled with states, fields and edges.
 
-        `residuals_mm` has the axes state, edge and point, shape (K, 2, m), in mm.
+        `residuals_mm` has the shape (K, 2, m), in mm, for K states, two edges and m points of an edge.
         """
         observed = evidence.experiment.observed
         is_edges = isinstance(observed, EdgeObservation)

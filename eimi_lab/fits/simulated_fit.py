@@ -109,7 +109,9 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     Parameters
     ----------
     evidence : Evidence
+        The dataset, with its beam model, loads and measured edges.
     laws : sequence of FittedLaw
+        The fits, each with its file.
 
     Yields
     ------
@@ -174,7 +176,9 @@ def _simulated(
     Parameters
     ----------
     evidence : Evidence
+        The dataset, with its beam model, loads and measured edges.
     fitted_law : FittedLaw
+        The fit, with its file.
     near : sequence of Correction
         Corrections of other fits on the same dataset, as a starting point.
     plain : Comparison

@@ -76,6 +76,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
     Parameters
     ----------
     path : Path
+        The file of the tensile test.
     percent : float or None
         Largest strain in per cent; None for the whole curve.
     weight : float
@@ -140,7 +141,10 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """Return the rows below the header, and the name of the material from the lines above the header."""
+    """Return the rows below the header, and the name of the material from the lines above the header.
+
+    The name is None if these lines give no name.
+    """
     columns: list[str] | None = None
     material, rows = None, []
     for line, words in enumerate(text.removeprefix("\ufeff").splitlines(), 1):

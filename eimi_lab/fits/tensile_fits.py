@@ -27,6 +27,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
     Parameters
     ----------
     test : TensileTest
+        The tensile test.
     model : str
         Name of the law.
     window_percent : float or None

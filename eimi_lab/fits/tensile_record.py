@@ -40,6 +40,7 @@ class TensileRecord(LawRecord):
     not_fixed : tuple of str
         Parameters whose interval contains zero or is the range of the search.
     source : TensileSource
+        The file of the tensile test.
     """
 
     kind: Literal["tensile"] = "tensile"

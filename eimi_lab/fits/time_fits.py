@@ -26,9 +26,10 @@ def with_law_of_time(
 ) -> FitRecord:
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
-    The viscoelastic law is fitted to all motions and to the modulus of the static fit. The ages of the static states
-    are those of the first dataset with states; a doubt (reason to distrust the fit) names the other datasets. Raises
-    InputError if no ring-down can be used.
+    The viscoelastic law is fitted to all motions (ring-downs and creep) and to the modulus of the static fit. This
+    modulus depends on the time for which each load acted before the measurement. These times are taken from the first
+    dataset with states; a doubt (reason to distrust the fit) names the other datasets. Raises InputError if no
+    ring-down can be used.
     """
     static = static_states(evidence[0], record)
     time = _identified(record.model, np.array(record.values()), motions, static, seed)

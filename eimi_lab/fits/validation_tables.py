@@ -124,7 +124,10 @@ def _widths(table: Sequence[Sequence[str]]) -> list[int]:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], head: Sequence[str], right: Sequence[str]) -> str:
-    """Return one line of a table; the columns whose heading is in `right` are aligned to the right."""
+    """Return one line of a table; the columns whose heading (in `head`) is in `right` are aligned to the right.
+
+    `widths` holds the number of characters of each column.
+    """
     aligned = (
         cell.rjust(width) if name in right else cell.ljust(width)
         for cell, width, name in zip(cells, widths, head, strict=True)

@@ -92,7 +92,7 @@ def chosen(folder: DataFolder, kind: str, name: object) -> str:
         If nothing was chosen, or if the file does not exist in the data folder.
     """
     if not isinstance(name, str) or not name:
-        raise InputError(f"{kind} is missing; choose one")
+        raise InputError(f"{kind} is missing; choose a file")
     if name in shipped(kind):
         return name
     file = folder.inside(name)

@@ -42,7 +42,7 @@ class NewestFrame:
         The image of H by W pixels, grey or with three colour channels.
     about : dict
         Description of the frame by the run: number of the state (load step), set-point (A), measured current (A),
-        whether the output of the supply is on, and heat of the coil as a share of the allowed heat.
+        whether the output of the supply is on, and rise of the coil's temperature as a share of the allowed rise.
     kept : int
         1 if the image has every pixel of the frame, 2 if it has every second pixel in each direction, and so on.
     """

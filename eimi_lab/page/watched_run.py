@@ -117,7 +117,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that also stores its set-point, its last measured current and the heat of its coil, for the web page.
+    """A supply that also stores values for the live web page: set-point, measured current and heating of the coil.
 
     Every method passes its call to the wrapped supply.
     """
@@ -145,10 +145,10 @@ class WatchedSupply:
         return float(getattr(self._supply, "reads_zero_within_A", 0.0))
 
     def values(self) -> dict[str, Any]:
-        """Return the set-point (A), the measured current (A), whether the output is on, and the heat of the coil.
+        """Return the set-point (A), the measured current (A), whether the output is on, and the heating of the coil.
 
-        The heat (proportional to the rise of temperature) is divided by the heat at the continuous current of the coil;
-        None if the rig file gives no rating of the coil.
+        The heating is the computed rise of the coil's temperature, divided by the rise at the continuous current of the
+        coil. It is None if the rig file gives no rating of the coil.
         """
         heat = self._warming.share(self._clock.now()) if self._warming else None
         return {"set_A": self.set_A, "measured_A": self.measured_A, "on": self.on, "heat_share": heat}

@@ -62,6 +62,7 @@ class DrawnPanels:
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
         """Return the panels (sections) of the appendix that stand before or after the panels of the datasets.
 
+        If `after_datasets` is true, the panels after the datasets are returned, otherwise the panels before.
         Each panel is returned with the values for its template. The panels are in the order in which they are shown.
         """
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]

@@ -33,9 +33,11 @@ class Picture:
     name : str
         Name of the figure's files, without number and ending.
     figure : matplotlib Figure
+        The figure itself.
     alternative : str
         Alternative text for readers who cannot see the figure.
     caption : str or Markup
+        The text below or beside the figure.
     photograph : bool
         Whether the figure contains frames. A figure with frames is embedded as pixels, any other figure as SVG.
     of_half_width : bool

@@ -81,6 +81,7 @@ def truth_of(contents: DatasetContents) -> tuple[str, dict[str, float], float] |
     Parameters
     ----------
     contents : DatasetContents
+        The dataset.
 
     Returns
     -------

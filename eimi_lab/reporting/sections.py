@@ -26,6 +26,7 @@ def evidence_for_fits(
     path : Path
         The dataset.
     fits : sequence of ShownFit
+        All fits of the report.
     flagged : bool
         Whether to use states with a flag, which is the name of a defect that a check found.
 

@@ -163,7 +163,9 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
     Parameters
     ----------
     fits : sequence of ShownFit
+        All fits of the report; only tensile fits have a test to read.
     largest_strain : float
+        The strain (engineering strain, a fraction) at which the figure ends.
 
     Returns
     -------

@@ -22,11 +22,11 @@ from eimi_lab.study.whole_study import Findings
 _SIMILAR = 1.25  # limit of the ratio of the largest to the smallest error of the laws
 _STEADY = 2.0  # limit of the ratio of the errors in the stronger and in the weaker half of the fields
 MEASURE = (
-    "The claims are judged by mean errors over the types of specimen that were not used for the fits and do not "
-    "twist. Better: the worst law fitted to bending has a smaller error than the best tensile fit of all laws and "
-    f"windows. Similar: the largest error is at most {_SIMILAR:g} times the smallest. Steady: the error in the "
-    f"stronger half of the fields is at most {_STEADY:g} times the error in the weaker half. ∞: the beam has no "
-    "equilibrium on one of these types."
+    "EIMI is the method of the paper, the identification of a law from the bending of a magnetic beam. The claims are "
+    "judged by mean errors over the types of specimen that were not used for the fits and do not twist. Better: the "
+    "worst law fitted to bending has a smaller error than the best tensile fit of all laws and windows. Similar: the "
+    f"largest error is at most {_SIMILAR:g} times the smallest. Steady: the error in the stronger half of the fields "
+    f"is at most {_STEADY:g} times the error in the weaker half. ∞: the beam has no equilibrium on one of these types."
 )
 
 
@@ -81,9 +81,10 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return a text on the laws fitted to bending with which the beam has no equilibrium on an unseen type of specimen.
+    """Return a text on the laws, fitted to bending, for which some beam of the study has no equilibrium.
 
-    An unseen type is a type to which no law was fitted. The text gives the largest stable stretch of these laws.
+    Only types of specimen to which no law was fitted are considered. The text gives the largest stable stretch of each
+    of these laws. `key` is the material, and `section` the model of the cross-section.
     """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):
@@ -98,7 +99,8 @@ def _lost(findings: Findings, key: str, section: str) -> str:
 def _bending_um(findings: Findings, key: str, section: str, kind: str) -> dict[str, float]:
     """Return the mean error (µm) on one type of specimen, for each law fitted to bending.
 
-    The error in a state is the root mean square distance between measured and simulated edges.
+    The error in a state is the root mean square distance between measured and simulated edges. `key` is the material,
+    `section` the model of the cross-section, and `kind` the type of specimen.
     """
     routes = findings.routes(key, section)
     errors = findings.errors[key, section, kind]

@@ -59,7 +59,9 @@ def outlines_mm(
     Parameters
     ----------
     material : HiddenMaterial
+        The material of the specimen.
     specimen : Specimen
+        The beam and its magnet.
     fields : ndarray, shape (K,)
         Fields of the K states in mT.
     bulk_modulus_Pa : float, optional
@@ -89,7 +91,7 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
     """Return the edges in K states, with simulated noise, of a type of specimen (`kind`) of a material (`key`).
 
     The shape is (K, 2, n, 2): state, left or right edge, n points, x and y in mm. The edges of type 4 also include the
-    twist of the beam.
+    twist of the beam. `extent` selects the states.
     """
     material, specimen = MATERIALS[key], specimen_of(kind)
     fields = field_mT(material, extent)
@@ -115,8 +117,9 @@ def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
     Parameters
     ----------
     edges : ndarray, shape (K, 2, n, 2)
-        Edges without twist, in mm. The axes are: state, left or right edge, point, coordinate.
+        Edges without twist, in mm. The axes are: K states, left or right edge, n points, x and y.
     specimen : Specimen
+        The beam, whose width and depth are used.
     at_tip_rad : ndarray, shape (K,)
         Angle of the section at the tip in each of the K states, in radians.
 

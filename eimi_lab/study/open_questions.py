@@ -51,6 +51,7 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
     Parameters
     ----------
     extent : Extent
+        The part of the study that is computed.
     seed : int
         Seed of the searches.
 
@@ -92,8 +93,10 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a beam whose magnet is stronger than the specimen file says, with the given moment and with a prior on it.
+    """Fit a beam whose magnet is stronger than the specimen file says.
 
+    The magnetic moment is first taken from the file as exact, and is then fitted with a prior (a normal distribution
+    about the value in the file).
     The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
     simulated by a stronger field. Each returned row holds the result for one magnet and one prior.
     """

@@ -67,11 +67,13 @@ def _page(
         "# The evaluation of Di Lecce et al. 2022 on hidden materials",
         (
             f"The laws are fitted to specimens of type 1 and validated on {', '.join(extent.unseen)}. The specimens "
-            "are simulated as solids. The measured edges are the outlines of the simulated specimens, without "
-            f"rendered frames, with normal noise of {1e3 * NOISE_MM:g} µm, the error of the edge finder on clean "
-            f"pictures. {TWISTED.capitalize()} is turned by up to {TWIST_DEG:g}° about its axis. Geometry, hidden "
-            "materials and noise are chosen by this project, so the numbers of the paper are not compared. The "
-            "hidden materials differ from all fitted laws, and their tensile curves are exact:"
+            "are simulated as solids of a hidden material: the simulation knows its law, but the fits do not. The "
+            "measured edges are the outlines of the simulated specimens with normal noise of "
+            f"{1e3 * NOISE_MM:g} µm, which is the error of the edge finder on clean pictures. No frames are rendered. "
+            f"A specimen of {TWISTED} is twisted about its axis, by up to {TWIST_DEG:g}° at its tip. Geometry, hidden "
+            "materials and noise are chosen by this project, so that the numbers of the paper are not compared. The "
+            "hidden materials follow none of the fitted laws. Their tensile curves have no noise. Their strain "
+            "energies W are functions of the invariants I1 and I2:"
         ),
         laws,
         "## The advantage over tensile fits in plane strain and with the solid section",

@@ -85,7 +85,11 @@ def searches(findings: Findings) -> Table:
         *("material", "section", "law", "evaluations", "generations", "discarded", "error, µm", "deviation, µm"),
         "not determined by the data",
     )
-    note = "A parameter that the data do not determine may be at a bound of its search."
+    note = (
+        "Discarded: candidates for which the beam has no equilibrium or the law is not stable. A parameter that the "
+        "data do not determine may be at a bound of its search. The search uses ratios and shares of the parameters, "
+        "which have the names in the last column."
+    )
     return Table(
         "searches", "Searches for the laws on a specimen of type 1 (table 4 of the paper)", head, tuple(rows), note
     )
@@ -134,6 +138,7 @@ class Advantage:
     Attributes
     ----------
     material, section : str
+        Key of the material, and "plane-strain" or "solid".
     bending_um : tuple of float
         Smallest and largest error of the laws fitted to bending, in µm.
     bending_modulus_Pa : tuple of float
@@ -168,6 +173,7 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
     Parameters
     ----------
     findings : Findings
+        All results of the study.
     kinds : sequence of str
         The types of specimen over which the errors are averaged.
     source : {"own", "published"}
@@ -279,7 +285,7 @@ def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
             "solid, fitted as incompressible: error of the modulus, %",
             "error, µm",
             "plane strain, fitted as incompressible: error of the modulus, %",
-            "plane strain, K free: error of the modulus, %",
+            "plane strain, K fitted: error of the modulus, %",
             "identified K/µ [95 %]",
         ),
         tuple(
@@ -293,8 +299,8 @@ def _compressibility(rows: Sequence[dict[str, Any]]) -> Table:
             )
             for row in ordered
         ),
-        "A Neo-Hookean specimen of type 1 in six states. Silicones for casting have K/µ above 1000; the largest K/µ "
-        f"of the search is near 10000.{missed}",
+        "A Neo-Hookean specimen of type 1 in six states. K is the bulk modulus and µ the shear modulus. Silicones for "
+        f"casting have K/µ above 1000; the largest K/µ of the search is near 10000.{missed}",
     )
 
 

@@ -29,6 +29,7 @@ class Route:
     Attributes
     ----------
     law : str
+        Name of the law.
     values : tuple of float
         The parameters, in the order and the units of the law.
     modulus_Pa : float
@@ -94,11 +95,12 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
     Parameters
     ----------
     strain, stress_Pa : ndarray, shape (m,)
-        Engineering strain, and engineering stress in Pa.
+        Engineering strain, and engineering stress in Pa, at the m points of the curve.
     source : {"own", "published"}
         "own" for a simulated curve of the hidden material (the true material of the simulated specimens), "published"
         for a published curve.
     extent : Extent
+        The laws and the windows of strain to fit.
 
     Returns
     -------

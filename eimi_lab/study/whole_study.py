@@ -57,6 +57,7 @@ class Findings:
     Attributes
     ----------
     inputs : StudyInputs
+        The materials, specimens and laws that were evaluated, and the seed.
     fields : dict of ndarray, shape (K,)
         Fields of the K states in mT, by material.
     edges : dict of ndarray, shape (K, 2, n, 2)
@@ -137,7 +138,10 @@ def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str],
 
 
 def _edges(key: str, kind: str, extent: Extent) -> list[Any]:
-    """Return the simulated measured edges of a specimen as nested lists, for JSON."""
+    """Return the simulated measurement of the edges of a specimen as nested lists, for JSON.
+
+    `key` is the material, `kind` the type of specimen, and `extent` the part of the study that is computed.
+    """
     return list(measured_edges_mm(key, kind, extent).round(6).tolist())
 
 

@@ -135,6 +135,7 @@ def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> E
     """Return the evaluation of several candidates; `z` has one row of standardised residuals for each candidate.
 
     The columns of `z` belong to a row of a tensile curve, a nuisance (an uncertain input) and a prior on the law.
+    mean_mm: the mean error of the edges for each candidate. states: number of states (load steps).
     """
     columns = [np.array(z)[:, k : k + 1] for k in range(3)]
     return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
@@ -542,7 +543,7 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
     """Return the linearised residuals of a fit with two unknowns, a parameter of the law and a nuisance.
 
     A nuisance is an uncertain input that the fit estimates too. The residuals are those of two states, two rows of a
-    tensile curve, the nuisance and a prior on the law.
+    tensile curve, the nuisance and a prior on the law. unit: both unknowns in coordinates of the search, from 0 to 1.
     """
     rng = np.random.default_rng(8)
     states = replace(states_of(rng.normal(size=(2, 5)), rng.normal(size=(2, 2, 5))), weights=np.array([2.0, 3.0]))
@@ -572,7 +573,8 @@ def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool
     """Return minus the log-likelihood with priors, up to a constant, after a step of the two unknowns.
 
     The first unknown has the prior of the bounds, centred on the optimum. The second unknown is a nuisance
-    (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum.
+    (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum. law_prior:
+    whether the prior on the law is included.
     """
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)

@@ -46,7 +46,11 @@ def spread(fit) -> float:
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """Return the objective (mm) of a fit with one parameter and a prior, at each modulus in `moduli_Pa`."""
+    """Return the objective (mm) of a fit with one parameter and a prior, at each modulus in `moduli_Pa`.
+
+    The objective is the number that the fit minimises. independent_points: number of edge points that count as
+    independent, which determines the weight of the prior.
+    """
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
     problem = Problem(LAWS["neo-hookean"], Unknowns(space), (SEEN,), priors=(prior,))

@@ -24,7 +24,10 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Return the parameters of random materials of a law, shape (count, n), with the moduli of common silicones."""
+    """Return the n parameters of `count` random materials of a law, shape (count, n).
+
+    The materials have the moduli of common silicones. `name` is the law.
+    """
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)

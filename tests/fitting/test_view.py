@@ -16,9 +16,9 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
     """Return the picture (x, y) of n points by a pinhole camera that is rotated about the centre, shape (n, 2).
 
-    places: points (right, down, away) in mm, shape (n, 3). The picture is in mm at the distance of the centre. A
-    rotation about the downward axis brings the right side nearer; a rotation about the axis to the right brings the
-    lower side nearer.
+    places: points (right, down, away) in mm, shape (n, 3). tilt_deg: rotations about the downward axis and about the
+    axis to the right. The first rotation brings the right side nearer; the second rotation brings the lower side
+    nearer. The picture is in mm at the distance of the centre.
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]

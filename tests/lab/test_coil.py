@@ -150,7 +150,10 @@ def test_swapped_leads_change_the_sign_of_every_current() -> None:
 
 
 def watched(supply: Supply, coil: Coil, seconds: float, **options: Any) -> list[float]:
-    """Call `watch` every 0.1 s and return the times (s) of the measurements since the beginning."""
+    """Let a run watch its coil for some seconds, with a check every 0.1 s; return the times (s) of the measurements.
+
+    A check measures the current only when the last measurement is old enough. options: arguments of `Coil.watch`.
+    """
     supply.measured_s.clear()
     supply.checked_s.clear()
     for _ in range(round(seconds / 0.1)):

@@ -247,7 +247,10 @@ def test_wrong_nuisances_and_curves_are_refused_in_one_line(
 
 
 def garbled_state(places):
-    """Return tracked points in which the last state has the coordinates of the first state; places: shape (3, n, 2)."""
+    """Return tracked points in which the last state has the coordinates of the first state.
+
+    places: x and y of n points in three states, shape (3, n, 2).
+    """
     return np.concatenate([places[:2], places[:1]])
 
 

@@ -352,7 +352,7 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     out = files / "out.h5"
 
     def edges() -> np.ndarray:
-        """Return the edge points that a fit uses, (x, y) in mm, shape (n, 2).
+        """Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2).
 
         A dataset without edges is segmented first.
         """

@@ -63,7 +63,8 @@ def fit(
 ) -> tuple[int, str]:
     """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
 
-    points: the points, shape (3, 6, 2), by default those that `places` returns.
+    points: the points, shape (3, 6, 2), by default those that `places` returns. fields: the field in each state (mT).
+    gravity: direction of gravity in degrees, as text. magnet: the table [magnet] of the specimen file.
     """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"

@@ -140,7 +140,7 @@ def test_an_impossible_shape_is_refused_in_one_line(keys, words):
 
 
 def outline_mm(bench: str) -> np.ndarray:
-    """Return the outline of a virtual beam without a current, points (x, y) in mm, shape (n, 2), on a coarse mesh.
+    """Return the outline of a virtual beam without a current: n points (x, y) in mm, shape (n, 2), on a coarse mesh.
 
     bench: TOML text with the differences between the beam and its file.
     """

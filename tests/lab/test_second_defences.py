@@ -86,6 +86,7 @@ def noise_of(draw: Callable[..., NDArray[Any]]) -> Noise:
 def waited_s(frame: Callable[..., NDArray[Any]], place_px: Callable[[int], float], **changes: Any) -> float:
     """Return the duration of the wait for rest (s); fail if the beam did not come to rest.
 
+    frame: function that draws a frame. place_px: function from the number of a frame to the position of the beam (px).
     changes: changed values of the rule [settle] in the protocol.
     """
     camera = FilmedBeam(place_px, frame)
@@ -320,7 +321,11 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """Return an emulated Korad supply whose output is on, and the list of all messages sent to it."""
+    """Return an emulated Korad supply whose output is on, and the list of all messages sent to it.
+
+    interruption: the object that handles signals between two messages. signals: number of signals that the emulator
+    sends to this process when the current is set to 0.7 A.
+    """
     coil = CoilSupply(clock)
     coil.set_voltage(5.0)
     coil.switch(True)

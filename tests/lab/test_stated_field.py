@@ -118,9 +118,9 @@ def test_a_map_that_ends_before_the_tip_is_refused():
 
 
 def outline_mm(bench: str = "", calibration: str = CALIBRATION) -> np.ndarray:
-    """Return the outline of the virtual beam at 1 A, points (x, y) in mm, shape (n, 2).
+    """Return the outline of the virtual beam at 1 A: n points (x, y) in mm, shape (n, 2).
 
-    bench: TOML text with the differences between the bench and its files.
+    bench: TOML text with the differences between the bench and its files. calibration: text of calibration.toml.
     """
     rig = load_rig("virtual")
     silicone = '[silicone."Dragon Skin 10"]\nmodel = "neo-hookean"\nparameters = { mu_Pa = 46390.0 }\n'

@@ -81,7 +81,7 @@ class Flick:
         return np.asarray(middle + (points - middle) / (1.0 + self.tilt * (away[:, :1] + 0.5 * away[:, 1:])))
 
     def outline_px(self, first_row_s: float) -> Array:
-        """Return the outline of the strip, points (x, y) in px, shape (n, 2), in one frame with a rolling shutter.
+        """Return the outline of the strip in one frame with a rolling shutter: n points (x, y) in px, shape (n, 2).
 
         first_row_s: time (s) at which the first row is exposed. Each point of the outline is shown at the time at which
         the camera reads the row of this point.

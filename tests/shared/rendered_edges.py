@@ -71,8 +71,8 @@ END_MM = 1.0  # length that does not count at each end, where clamp and corners 
 class BentBeam:
     """The outline of a bent beam in the beam frame in mm.
 
-    left, right: dense points of the edges from the clamp to the tip, shape (n, 2). magnet: the four corners of the
-    magnet, shape (4, 2), None without a magnet.
+    left, right: n closely spaced points of each edge from the clamp to the tip, shape (n, 2). magnet: the four corners
+    of the magnet, shape (4, 2), None without a magnet.
     """
 
     left: Array

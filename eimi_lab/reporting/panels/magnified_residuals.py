@@ -32,6 +32,7 @@ def residual_vectors(simulated: Prediction[ShownFit], k: int) -> tuple[Array, Ar
     Parameters
     ----------
     simulated : Prediction
+        The simulation of a dataset with the fit, and its residuals.
     k : int
         Index of the state among the used states of the dataset.
 

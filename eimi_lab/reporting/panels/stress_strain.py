@@ -47,7 +47,9 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     Parameters
     ----------
     fits : sequence of ShownFit
+        The fits to draw.
     points : sequence of TensilePoints
+        Measured points of tensile tests.
     bent_to : float or None
         The largest strain of a bent specimen.
     """
