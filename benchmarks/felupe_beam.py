@@ -67,6 +67,7 @@ class NoEquilibrium(Exception):
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
     """Return the N nodes of a beam's mesh, mm, shape (N, 2), and the node numbers of each element in FElupe's order.
+
     `length` and `width` are the dimensions of the flexible part, mm.
     """
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)

@@ -56,7 +56,7 @@ class Outcome:
     messages : str
         The messages of the import.
     doubts : tuple of str
-        The doubts that the fit reports.
+        The doubts (warnings about the result) that the fit reports.
     """
 
     hidden_Pa: float

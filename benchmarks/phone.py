@@ -44,7 +44,7 @@ class Outcome:
     flags : tuple of str
         The names of the flags (warnings about the edges) of all photographs.
     doubts : int
-        The number of doubts that the fit reports.
+        The number of doubts (warnings about the result) that the fit reports.
     """
 
     hidden_Pa: float

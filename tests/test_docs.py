@@ -60,9 +60,10 @@ def blocks(page: Path) -> list[Block]:
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Run the commands of a page in a folder that looks like a clone of the repository, and write the page's files.
+    """Run the commands of a page in a folder that looks like a clone of the repository.
 
-    shortened: whether short runs and fits replace those of the page.
+    The files whose text the page contains are written to this folder, too. shortened: whether short runs and fits
+    replace the runs and fits of the page.
     """
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)

@@ -55,7 +55,7 @@ def open(path: AnyDataset) -> Dataset:
 
 @dataclass(frozen=True)
 class DryRun:
-    """The steps of a run that was only planned, as lines of text.
+    """The steps of a dry run (a run without instruments), as lines of text.
 
     There is one line for each step, and one line for each message to the supply.
     """

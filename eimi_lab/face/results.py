@@ -113,7 +113,7 @@ class Plan:
     runs : tuple of planning.PlannedRun
         The planned runs, the best run first. The runs differ in specimen, direction of gravity and weight at the tip.
     base : Protocol
-        The protocol whose limits, ramp and settling are used again.
+        The protocol whose limits, ramp (rate of the current) and settling (wait for rest) are used again.
     """
 
     goal: planning.Goal

@@ -221,7 +221,7 @@ def plan(
     fits : FitRecord, Fits, str or Path
         Fits of an earlier run, whose law and noise of the measurement are used.
     protocol : str, Path or Protocol
-        Protocol whose limits, ramp and settling are used again.
+        Protocol whose limits, ramp (rate of the current) and settling (wait for rest) are used again.
     specimen : str, Path or SpecimenFile, or a sequence of these types
         Specimen to measure, or several specimens to compare.
     rig : str, Path or Rig

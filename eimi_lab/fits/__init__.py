@@ -1,10 +1,10 @@
 """From stored datasets to identified materials.
 
-evidence             read a dataset as the states, edges or points, and loads of a fit
+evidence             read from a dataset what a fit needs: beam model, loads, and measured edges or points
 measured_conditions  the measured field in place of the coil constant in the calibration file
 measured_record      the measured field and temperatures of a dataset, as a result file holds them
 measured_remarks     sentences on measured fields and temperatures, and on their differences between datasets
-states_used          the states that a fit uses, and the flags of the states that it leaves out
+states_used          the states that a fit uses and leaves out, with the flags (failed quality checks) of these states
 perspective          detect in the edges that the lens shows the depth of the beam in perspective
 before_search        check a dataset for errors that no material could explain
 options              the options of a fit

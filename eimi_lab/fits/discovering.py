@@ -1,4 +1,4 @@
-"""Discover the terms of a law from datasets and tensile tests: the work of `eimi discover`."""
+"""Discover the terms of the strain energy of a material from datasets and tensile tests, for `eimi discover`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """Return the terms of a law with these names; without names, all terms of `LIBRARY`.
+    """Return the terms of the strain energy with these names; without names, all terms that the program knows.
 
     Raises InputError for a wrong name.
     """

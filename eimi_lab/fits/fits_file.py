@@ -149,7 +149,10 @@ def read_fits_file(path: str | Path) -> Fits:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Return the first fault of a pydantic error as `key: reason`, without the names of alternative types."""
+    """Return the first fault of a pydantic error as `key: reason`.
+
+    The names of the alternative types that pydantic tried for the value are left out.
+    """
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]
     if keys[:1] == ["fits"]:

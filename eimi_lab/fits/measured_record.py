@@ -63,7 +63,11 @@ class MeasuredField(Record):
 
     @property
     def in_words(self) -> str:
-        """Return gaussmeter, slope, offset, their uncertainties and the coil constant in the calibration in words."""
+        """Return a text about the measured line of field against current, for people.
+
+        The text gives the name of the gaussmeter, slope and offset with their uncertainties, and the coil constant in
+        the calibration.
+        """
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"

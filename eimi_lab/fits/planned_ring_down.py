@@ -44,6 +44,8 @@ _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the ma
 class ExpectedRingDown:
     """The expected 95 % intervals of the modulus, as half-widths, for a run with one ring-down in zero field.
 
+    A ring-down is the free vibration of the beam after a load was removed.
+
     Attributes
     ----------
     frequency_Hz : float

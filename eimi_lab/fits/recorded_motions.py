@@ -1,4 +1,4 @@
-"""Read the ring-downs and the creep of a dataset as data for the fit of a viscoelastic (Prony) law."""
+"""Read the ring-downs (free vibrations) and the creep of a dataset, for the fit of a viscoelastic (Prony) law."""
 
 from __future__ import annotations
 

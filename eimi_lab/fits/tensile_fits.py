@@ -22,7 +22,7 @@ _MISFIT = 0.1  # ratio of the residuals to the stresses (root mean squares) from
 
 
 def fit_window(test: TensileTest, model: str, window_percent: float | None, relative: bool = False) -> TensileRecord:
-    """Fit a law to the rows of a tensile test in a window of strain, by least squares.
+    """Fit a law to the part of a tensile test up to a largest strain (the window), by least squares.
 
     Parameters
     ----------

@@ -155,7 +155,7 @@ def guarded(page: Page, hosts: frozenset[str], token: str) -> Admission:
     Parameters
     ----------
     page : Page
-        The page.
+        The live web page.
     hosts : frozenset of str
         Allowed values of the header Host, with the port.
     token : str

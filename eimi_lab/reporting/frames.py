@@ -56,6 +56,7 @@ class Crop:
 def frame_of(contents: DatasetContents) -> BeamFrame:
     """Return the conversion from millimetres in the beam frame to pixels for a dataset.
 
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
     Raises ValueError for tracked points.
     """
     return BeamFrame(_calibration_of(contents))

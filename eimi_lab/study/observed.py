@@ -1,4 +1,4 @@
-"""Simulate the measured edges of the hidden specimens.
+"""Simulate the measured edges of specimens of hidden materials, whose laws the fits do not know.
 
 The edges are the outline of the beam model with a solid section, on a finer mesh than the mesh of a fit. Normal noise
 of the size of the error of the edge finder is added. Frames are not rendered: on a clean picture the error of the edge

@@ -1,4 +1,4 @@
-"""The driver aravis with GigE cameras that lose packets, disappear, return, or are replaced by another camera."""
+"""The camera driver `aravis` reports GigE cameras that lose packets, disappear, return or are replaced by another."""
 
 from __future__ import annotations
 

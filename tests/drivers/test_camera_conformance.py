@@ -1,4 +1,7 @@
-"""Camera drivers pass the conformance suite with image files, a simulated device and emulated cameras of Basler."""
+"""Camera drivers pass the conformance suite, which consists of the checks that every driver must pass.
+
+The tests use image files, a simulated device and emulated cameras of Basler.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log of a line counts messages and faults, and passes the messages on unchanged.
+"""The log of a line (the connection to an instrument) counts messages and faults, and does not change the messages.
 
 The error about an incomplete answer contains this answer.
 """

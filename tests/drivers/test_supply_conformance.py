@@ -1,4 +1,7 @@
-"""Every supply driver passes the conformance suite on every kind of line, and its errors name the cause."""
+"""Every supply driver passes the conformance suite (the checks for every driver) on every kind of line.
+
+The errors of the drivers name the cause.
+"""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ pytestmark = needs_aravis
 
 
 def commands() -> list[str]:
-    """Return the commands of the how-to: the command that serves the bench, and those of the run and of its fit."""
+    """Return the commands of the how-to: they serve the bench, measure on the bench, and fit the measurement."""
     return re.findall(r"```sh\n(.*?)```", HOWTO.read_text(encoding="utf-8"), re.S)
 
 

@@ -1,4 +1,4 @@
-"""Ring-downs and creep of the virtual rig: a single fit identifies the viscoelastic (Prony) law of the material."""
+"""A fit to ring-downs (free vibrations) and creep of the virtual rig finds the viscoelastic (Prony) law."""
 
 from __future__ import annotations
 

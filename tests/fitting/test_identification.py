@@ -25,7 +25,7 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Return an experiment with noisy edges of a known material, simulated on a finer mesh than that of the fit."""
+    """Return an experiment with noisy edges of a known material, simulated on a finer mesh than the mesh of the fit."""
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)

@@ -1,4 +1,7 @@
-"""Fits to edges together with tensile curves, estimated inputs, points or a free bulk modulus, and to wrong edges."""
+"""One fit can use several kinds of data: edges, tracked points, tensile curves, and several specimens.
+
+The fit can also estimate uncertain inputs and the bulk modulus. Edges that no material explains are refused.
+"""
 
 from __future__ import annotations
 

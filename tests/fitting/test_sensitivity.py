@@ -1,4 +1,7 @@
-"""Sensitivities agree with independent differences and with physical relations."""
+"""Sensitivities, the derivatives of the edges with respect to parameters and loads, agree with finite differences.
+
+They also agree with physical relations.
+"""
 
 from __future__ import annotations
 

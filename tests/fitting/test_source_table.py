@@ -1,4 +1,7 @@
-"""Every source of uncertainty changes the experiment as its name says; a new source fails until it is added here."""
+"""Every source of uncertainty (uncertain input) changes the simulated experiment as its name says.
+
+A test fails if a new source is missing in this file.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The command line gives one line for every mistake of a user, and an exit status for the kind of the mistake.
+"""The command line prints one line for every mistake of a user, and its exit status shows the kind of the mistake.
 
-Some commands need no measurement.
+Further tests run commands that need no measurement, such as --help and --version.
 """
 
 from __future__ import annotations

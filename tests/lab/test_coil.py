@@ -1,4 +1,7 @@
-"""The set-points and the checks of a coil, in simulated time on a supply whose meter and set-points are prepared."""
+"""The current of a coil follows its ramps, and a wrong current is detected at the right time.
+
+The tests run in simulated time on a replacement for a supply, whose measured currents are prepared.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conditioning cycles, in which a beam is bent before a run: their currents, stored frames and messages."""
+"""Conditioning cycles, which bend the beam before a run, have the right currents, stored frames and messages."""
 
 from __future__ import annotations
 

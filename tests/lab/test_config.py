@@ -1,4 +1,7 @@
-"""TOML files are read: currents exactly, the shipped files without an error; a mistake in a file gives one line."""
+"""The TOML files that are shipped with the program are read without an error, and their currents are exact.
+
+A mistake in a TOML file gives an error message of one line.
+"""
 
 from __future__ import annotations
 

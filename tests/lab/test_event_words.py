@@ -1,4 +1,7 @@
-"""The sentences about the events of a run, and the function (`report` or `remark`) to which each sentence is passed."""
+"""Each event of a run is described by the right sentence, which is passed to the right function.
+
+The function `report` receives the sentence about each state. The function `remark` receives all other sentences.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Events of a run: their JSON lines, their senders, and readers that are slow, have ended, or are older."""
+"""A run and its guardian process send their events in the right order, as lines of JSON.
+
+A reader that is slow, has ended or belongs to an earlier release does not disturb the run.
+"""
 
 from __future__ import annotations
 

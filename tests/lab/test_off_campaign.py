@@ -1,4 +1,4 @@
-"""A few faults of the off campaign, in which faults occur while the coil carries current.
+"""If one of some faults occurs while the coil carries its full current, the run ends with the coil off.
 
 `python -m benchmarks.off_campaign --trials 5` is the whole campaign.
 """

@@ -1,4 +1,7 @@
-"""A recording in place of a camera, the viewer of the frames, and the times of the frames of a ring-down."""
+"""A recording can take the place of a camera, and a viewer receives every frame.
+
+The times of the frames of a ring-down (a free vibration) are corrected for delays.
+"""
 
 from __future__ import annotations
 

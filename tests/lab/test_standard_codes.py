@@ -1,4 +1,7 @@
-"""Tables of codes and names that other programs and standards define: a new row fails until it is added here."""
+"""The codes and names that other programs and standards define are right in the tables of this program.
+
+A test fails if a new row of a table is missing in this file.
+"""
 
 from __future__ import annotations
 

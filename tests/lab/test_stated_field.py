@@ -1,4 +1,7 @@
-"""The field of the coil as calibration.toml gives it, and a virtual bench that differs from its files."""
+"""The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused.
+
+A virtual bench obeys its files and the hidden differences from its files.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every unit that a file may use agrees with its definition; a new unit fails until it is added here."""
+"""Every unit that a file may use agrees with its definition. A test fails if a new unit is missing in this file."""
 
 from __future__ import annotations
 

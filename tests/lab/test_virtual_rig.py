@@ -30,7 +30,7 @@ def specimen() -> SpecimenFile:
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
     """Return the shipped virtual rig with a coarse mesh and small frames.
 
-    of_calibration: values that replace those of the calibration.
+    of_calibration: values that replace values of the calibration.
     """
     shipped = load_rig("virtual")
     assert shipped.virtual is not None

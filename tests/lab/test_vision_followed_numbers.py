@@ -138,7 +138,10 @@ def test_light_clipped_at_one_edge_is_measured() -> None:
 
 
 def test_the_contrast_of_the_fainter_edge_is_reported() -> None:
-    """The reported contrast is that of the fainter edge; here the background on the right resembles the beam."""
+    """The reported contrast is the contrast of the fainter edge, here the right edge.
+
+    The background on the right resembles the beam.
+    """
     image = plain(colours=np.array([[90.0, 90.0, 90.0], [190.0, 190.0, 190.0]]))
     even = follow_beam(image, CALIBRATION, SPECIMEN).findings["followed_contrast"]
     image[95:, 502:] = np.clip(image[95:, 502:].astype(int) - 60, 0, 255)

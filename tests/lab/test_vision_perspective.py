@@ -1,4 +1,7 @@
-"""The effect of perspective on a fitted modulus: an ordinary lens shows two outlines of a specimen with depth."""
+"""With an ordinary lens, a fit gives the right modulus only if it takes the perspective of the lens into account.
+
+Such a lens shows the outlines of the near and of the far face of a specimen at different places.
+"""
 
 import numpy as np
 import pytest

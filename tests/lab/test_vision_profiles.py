@@ -1,4 +1,7 @@
-"""Profiles of grey values across an edge: sampling, the fitted step, and the smooth curve through the edge points."""
+"""Profiles of grey values across an edge are sampled exactly, and the fitted step has the right position and blur.
+
+The smooth curve through the edge points has the right length and direction.
+"""
 
 import numpy as np
 import pytest

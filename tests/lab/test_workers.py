@@ -1,4 +1,7 @@
-"""Tasks are distributed to worker processes: additional tasks, workers that die, and processes that start early."""
+"""All tasks are done by worker processes, also if a result adds further tasks or if a worker dies.
+
+The processes start before the first task.
+"""
 
 from __future__ import annotations
 

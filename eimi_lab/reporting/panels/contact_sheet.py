@@ -92,7 +92,7 @@ def _thumbnail(
 def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
     """Return the flags (defects) of each state, by index of the state.
 
-    The flags of the run come first, and the flags of the edges follow.
+    The flags that the run raised come first, and the flags that the edge search raised follow.
     """
     edges = contents.dataset.edges()
     return {s.index: [*s.flags, *(edges[s.index].flags if edges else ())] for s in contents.dataset.states}

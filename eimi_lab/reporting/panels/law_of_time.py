@@ -1,4 +1,7 @@
-"""Show a viscoelastic (Prony) law: ring-downs, frequency and loss by amplitude, modulus by time, and creep."""
+"""Show a viscoelastic (Prony) law with its data: ring-downs (free vibrations) and creep.
+
+The figures show frequency and loss against amplitude, and the modulus against time.
+"""
 
 from __future__ import annotations
 

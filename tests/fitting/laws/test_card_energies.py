@@ -78,8 +78,8 @@ def _keyword(
 ) -> list[Reading]:
     """Return one `Reading` for each law, as Abaqus or ANSYS interprets the constants of a card.
 
-    The two programs scale some constants differently. `of_yeoh` and `of_ogden` return the bulk moduli of these laws
-    from the constants.
+    The two programs scale some constants differently; `ansys` is true for ANSYS. `of_yeoh` and `of_ogden` return the
+    bulk moduli of these laws from the constants.
     """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)

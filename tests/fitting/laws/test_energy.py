@@ -1,4 +1,4 @@
-"""Energies of the laws: derivatives, limits, and equivalences between laws."""
+"""The strain energies of the laws have the right derivatives and limits, and special cases of two laws agree."""
 
 from __future__ import annotations
 

@@ -48,7 +48,8 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 class Normal:
     """A simulated measurement of ln(modulus / MODULUS_PA) + `of_load` ln(load factor), with normal noise.
 
-    mean, sigma: measured value and standard deviation.
+    of_load: the exponent with which the load factor changes the measured quantity. mean, sigma: measured value and
+    standard deviation.
     """
 
     of_load: float

@@ -1,4 +1,7 @@
-"""The rotation that is measured during creep, for a beam that is bent so far that its shape depends on the modulus."""
+"""The rotation of the tip during creep is measured without bias, also for a strongly bent beam.
+
+The shape of such a beam depends on the modulus, so that the rotation in the picture has to be converted.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The motion of a beam in time, with inertia and internal variables, agrees with the theory of small vibrations."""
+"""The computed motion of a viscoelastic beam in time agrees with the theory of small vibrations.
+
+The computation contains inertia and the internal variables of the Prony series.
+"""
 
 from __future__ import annotations
 

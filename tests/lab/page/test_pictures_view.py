@@ -1,4 +1,7 @@
-"""In a browser, a user drags clamp, axis and scale into place in a picture; the saved files are used afterwards."""
+"""In a browser, a user drags the marks of clamp, axis and scale into place in a picture, and saves the calibration.
+
+The dataset of the pictures is then made with the saved files.
+"""
 
 from __future__ import annotations
 
