@@ -1,7 +1,7 @@
 """Check a dataset for errors that no material could explain, and name the key of an input file to change.
 
-The checks are made before the search for the parameters of a law. They concern the states, the width of the beam in one picture, and the loads.
-The loads are checked by `eimi_fitting.inference.searching.named_causes`.
+The checks are made before the search for the parameters of a law. They concern the states (load steps), the width of
+the beam in one picture, and the loads. The loads are checked by `eimi_fitting.inference.searching.named_causes`.
 """
 
 from __future__ import annotations
