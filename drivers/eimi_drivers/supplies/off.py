@@ -81,8 +81,8 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str) -> Off:
     """Measure the current as `measured_off` does, after a supply was switched off and its settings were verified.
 
-    A measurement that fails is repeated, up to `MEASURING_ATTEMPTS` measurements in all. The parameters are those of
-    `measured_off`.
+    A measurement that fails is repeated, up to `MEASURING_ATTEMPTS` measurements in all. The parameters are the same as
+    for `measured_off`.
 
     Raises
     ------

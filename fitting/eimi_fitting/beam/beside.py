@@ -226,11 +226,11 @@ class SolidBeside:
     ) -> DepthEffect | None:
         """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
-        The depth effect is the shape of the solid model minus that of the planar model. ``chosen`` is the candidate,
-        ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are solved one after
-        another in Leja's order: the next state has the largest product of distances from the solved states, with the
-        distances along the scalar s of `beam.depth_effect`. No further state is solved if the last solved shape
-        differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
+        The depth effect is the shape of the solid model minus the shape of the planar model. ``chosen`` is the
+        candidate, ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are solved
+        one after another in Leja's order: the next state has the largest product of distances from the solved states,
+        with the distances along the scalar s of `beam.depth_effect`. No further state is solved if the last solved
+        shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
 
         Returns None if the loads do not lie on a straight line. Also returns None if Newton's method does not converge
         in a few steps from the planar shape to the solid shape in one of the states.
@@ -357,9 +357,9 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
     """Return the depth effect of a similar candidate that suits the given values s best; None if there is none.
 
-    The depth effect is the shape of the solid minus that of the planar model. The scalar s measures the bending. Only
-    depth effects that are valid at all given values s (``places``) are considered. The depth effect is chosen whose
-    largest solved abs(s) is nearest to the largest given abs(s).
+    The depth effect is the shape of the solid model minus the shape of the planar model. The scalar s measures the
+    bending. Only depth effects that are valid at all given values s (``places``) are considered. The depth effect is
+    chosen whose largest solved abs(s) is nearest to the largest given abs(s).
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

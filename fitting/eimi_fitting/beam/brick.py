@@ -249,7 +249,7 @@ def _parts(elements: int) -> list[slice]:
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
     """Return the predicted stress S + D : dE + J C^-1 dp after a linear step, (6, E, B, q) in MPa.
 
-    S, D, J and C are those of `Evaluation`. The increment dE of the Green strain follows from the displacement ``step``
+    `Evaluation` defines S, D, J and C. The increment dE of the Green strain follows from the displacement ``step``
     (E, B, 3, 27) in mm. The increment dp of the pressure follows from ``pressure_step`` (E, B, 4) in MPa. The mesh has
     E elements with q Gauss points each, and the batch has B candidates.
     """

@@ -150,7 +150,7 @@ class DepthEffect:
     def without_base(self) -> DepthEffect:
         """The same depth effect with ``base`` None, interpolated through d(s) at the solved values s of the base.
 
-        d(s) is the shape of the solid minus that of the planar model at the bending s.
+        d(s) is the shape of the solid model minus the shape of the planar model at the bending s.
 
         If ``by_turn``, these values s are scaled so that the first of them equals the first solved value s of this
         depth effect. If this depth effect has no solved states, the property is ``base``.
@@ -164,7 +164,7 @@ class DepthEffect:
     def covers(self, places: Array) -> bool:
         """Return whether `without_base` is valid at all given values s (``places``), which measure the bending.
 
-        The range of valid values is that of `reaches`.
+        `reaches` defines the range of valid values.
         """
         return bool(self.without_base.reaches(places).all())
 

@@ -164,7 +164,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements; append those of elements at the rigid body to ``tied``.
+        """Yield the matrices of each group of elements, and append the matrices at the rigid body to ``tied``.
 
         An element is at the rigid body (the magnet) if some of its nodes move with this body.
         """

@@ -132,7 +132,8 @@ def fixed_point(
     """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration with Aitken's acceleration.
 
     lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M. K_m is the stiffness due to the tangent of
-    the law, K_g that due to stresses and loads, and r the ratio of the complex modulus to that of the equilibrium.
+    the law, K_g the stiffness due to stresses and loads, and r the complex modulus divided by the modulus of the
+    equilibrium.
 
     Parameters
     ----------
@@ -167,7 +168,9 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest eigenvalues of stiffness r K_m + K_g and mass M for q ratios r, (B, q, count) in 1/s².
+    """Return the lowest squared angular frequencies for q ratios r of the modulus, (B, q, count) in 1/s².
+
+    They are the eigenvalues of the stiffness r K_m + K_g and the mass M.
 
     material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m): stiffness due to the tangent
     of the law, stiffness due to stresses and loads, mass. stiffening: q real ratios r, (q,), of the modulus in the
@@ -453,8 +456,9 @@ def _tangents(
     """Return the two parts K_m and K_g of the tangent stiffness about an equilibrium, and the rigid body's derivatives.
 
     K_m contains the tangent of the law, and K_g the stresses and loads. The first two results are K_m and K_g of each
-    of E elements with u unknowns for B candidates, (E, B, u, u) each. The third result is that of `RigidBody.matrix`,
-    or None without a rigid body (magnet). The last result is the part of K_g that belongs to the body, (B, 3, 3).
+    of E elements with u unknowns for B candidates, (E, B, u, u) each. The third result is the array of
+    `RigidBody.matrix`, or None without a rigid body (magnet). The last result is the part of K_g that belongs to the
+    body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

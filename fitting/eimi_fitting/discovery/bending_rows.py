@@ -126,9 +126,9 @@ def _rows_about(
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
     """Return the residuals (misfit) of the best beam model of an experiment, and the remaining error of the model.
 
-    The remaining error is a standard deviation for each residual, with the shape (K, G, m) for G groups of m points in
-    K states. It is `Refinement.remaining_share` times the difference between the residuals of the best model and the
-    residuals of the coarser model (`inference.evidence.corrections`).
+    The remaining error is a standard deviation for each residual, with the shape (K, G, m) for G groups (edges, or x
+    and y) of m points in K states. It is `Refinement.remaining_share` times the difference between the residuals of the
+    best model and the residuals of the coarser model (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -155,7 +155,7 @@ def _misfit(
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
     """Return the derivatives of the residuals in the J coefficients ``about``, in mm/Pa, by finite differences.
 
-    The shape is (J, K, G, m) for G groups of m points in K states.
+    The shape is (J, K, G, m) for G groups (edges, or x and y) of m points in K states.
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]

@@ -226,7 +226,7 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals to those of the three-dimensional beam model, repeatedly at each new optimum.
+    """Correct the residuals to the residuals of the three-dimensional beam model, repeatedly at each new optimum.
 
     The repetition ends when a correction changes the modulus by less than 0.05 %, and after three corrections at the
     latest. The second or third correction is rejected if it raises the objective by more than 1 %. The change of the

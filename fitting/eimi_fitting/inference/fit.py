@@ -77,8 +77,8 @@ class Fit(IdentifiedLaw):
         Root mean square distance of measured from simulated points (``error_mm``) and standard deviation of these
         distances (``deviation_mm``) in mm, for each state; see `inference.evidence.measurements`.
     residuals_mm : tuple of ndarray, shape (K, G, m)
-        Residuals of each experiment with K states and G groups of m neighbouring points, see `Misfit`; NaN for points
-        that were not measured.
+        Residuals of each experiment with K states and G groups (edges, or x and y) of m neighbouring points, see
+        `Misfit`; NaN for points that were not measured.
     curves : tuple of TensileEvidence
         The tensile curves with their noise.
     curve_rmse_Pa : tuple of float

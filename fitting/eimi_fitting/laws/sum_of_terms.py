@@ -285,7 +285,7 @@ class SumOfTerms:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the largest stable stretch of each of P candidates, (P,).
 
-        The result is infinity if no coefficient is negative, and otherwise that of `laws.stability.scanned_limit`.
+        The result is infinity if no coefficient is negative. Otherwise `laws.stability.scanned_limit` computes it.
         """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)

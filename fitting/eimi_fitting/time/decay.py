@@ -168,8 +168,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
     """Return the fitted vibrations, the time windows, and which windows are used.
 
-    part: the signals in which the beam vibrates freely; frequency: that of the largest vibration, in Hz; hangs: whether
-    a weight hangs from the beam.
+    part: the signals in which the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs:
+    whether a weight hangs from the beam.
     """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
@@ -288,7 +288,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
     """Return n times in s, (n,), and the largest amplitude over all channels at these times in mm, (n,).
 
-    The amplitude is that of the signals in a band around the frequency in Hz.
+    The amplitude is computed from the signals in a band around the frequency in Hz.
     """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T

@@ -88,7 +88,7 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the m unknowns, shape (m,): those of ``terms``, then the logarithm of the load factor.
+        """The prior means of the m unknowns, (m,): the unknowns of ``terms``, then the logarithm of the load factor.
 
         The load factor is a factor on the magnetic loads.
         """

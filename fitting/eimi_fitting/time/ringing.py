@@ -231,7 +231,7 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the solid model, each divided by that of the planar model, shape (3,).
+        """The three lowest frequencies of the solid model over the same frequencies of the planar model, (3,).
 
         For a specimen with a planar section, a planar model with a finer mesh takes the place of the solid model.
         """
@@ -241,7 +241,7 @@ class RingTable:
     def planar_over_solid_modulus(self) -> float:
         """The ratio of two shear moduli, with which the planar model and the solid model bend equally.
 
-        The modulus of the planar model is divided by that of the solid model, which is ``middle_Pa``.
+        The modulus of the planar model is divided by the modulus of the solid model, which is ``middle_Pa``.
         """
         return self._better[1]
 

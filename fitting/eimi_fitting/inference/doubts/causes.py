@@ -30,8 +30,8 @@ amplitudes that make up the value of the cause. The factor is near one for ampli
 The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes has the
 prior probability 1 / M. The probability of a hypothesis with |H| causes is therefore proportional to
 p(r | H) (M - 1)^-|H|. The probability of a cause is the sum over the hypotheses that contain it. The probability of
-`none` is that of the hypothesis without a cause. Causes with nearly the same signature share their probability equally
-(`inference.doubts.collinear_causes`).
+`none` is the probability of the hypothesis without a cause. Causes with nearly the same signature share their
+probability equally (`inference.doubts.collinear_causes`).
 
 The computation. Residuals are compared by their coefficients in orthonormal polynomials along each edge, which describe
 smooth signatures completely. The remainder gives sigma and tau. A signature is linear only in small amplitudes. The

@@ -210,7 +210,7 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each tensile curve whose residuals exceed three times those of a fit to this curve alone.
+    """Return a doubt for each tensile curve with more than three times the residuals of a fit to this curve alone.
 
     Parameters
     ----------

@@ -55,7 +55,8 @@ class Projection:
     def of(self, residuals: Sequence[Array | None]) -> Array:
         """Return the N coefficients in mm that describe the residuals of all experiments, shape (..., N).
 
-        Residuals have the shape (..., K, G, m) for G groups of m points in K states. None stands for residuals of zero.
+        Residuals have the shape (..., K, G, m) for G groups (edges, or x and y) of m points in K states. None stands
+        for residuals of zero.
         """
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
@@ -88,7 +89,8 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
         The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
         For each experiment, residuals at the optimum in mm, and weights that are positive for the points that are
-        compared; points near the ends of an edge are not compared. There are G groups of m points in K states.
+        compared; points near the ends of an edge are not compared. There are G groups (edges, or x and y) of m points
+        in K states.
 
     Returns
     -------

@@ -61,8 +61,8 @@ class Column:
         measured.
     changes : tuple of ndarray or None
         For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
-        groups of m points in K states. None if the cause does not belong to the experiment or the model finds no
-        equilibrium.
+        groups (edges, or x and y) of m points in K states. None if the cause does not belong to the experiment or the
+        model finds no equilibrium.
     """
 
     part: int
@@ -176,8 +176,8 @@ class About:
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of the l coordinates ``kept``.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups of m points in K
-        states.
+        For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups (edges, or x and
+        y) of m points in K states.
     residuals, used : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
         comparison uses. Points of an edge near its ends are not used.
@@ -264,8 +264,8 @@ class About:
         Returns
         -------
         list of ndarray or None
-            The residuals, shape (K, G, m), of G groups of m points in K states. None if the model finds no
-            equilibrium, or if a cause of this amplitude leaves no positive width.
+            The residuals, shape (K, G, m), of G groups (edges, or x and y) of m points in K states. None if the model
+            finds no equilibrium, or if a cause of this amplitude leaves no positive width.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -362,8 +362,8 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
 def _as_solid(here: Solved) -> Array | None:
     """Return the change of the residuals in mm if a three-dimensional model replaces the planar model.
 
-    The shape is (K, G, m) for G groups of m points in K states. The result is None if the fit already uses a
-    three-dimensional model, if this model does not support the specimen, or if it has no equilibrium.
+    The shape is (K, G, m) for G groups (edges, or x and y) of m points in K states. The result is None if the fit
+    already uses a three-dimensional model, if this model does not support the specimen, or if it has no equilibrium.
     """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":

@@ -20,8 +20,8 @@ The solid section. The model of the search is in plane stress. The better model 
 solid, the clamp and the magnet restrain the cross-section, and the cross-section bows. If the magnet is shallower than
 the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
 per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
-noise, and is therefore computed again at each new optimum until the modulus hardly changes. The residuals are those of
-the solid on its own mesh. The change by a finer planar mesh is not added, because the corner singularities differ: the
+noise, and is therefore computed again at each new optimum until the modulus hardly changes. The residuals belong to the
+solid on its own mesh. The change by a finer planar mesh is not added, because the corner singularities differ: the
 cross-section at the clamp is free in plane stress and restrained in the solid. A solid of 20 x 2 elements gives a
 modulus within 0.1 % of the modulus of 36 x 4 elements, with the change by a finer planar mesh and without it.
 """
@@ -145,8 +145,8 @@ class Correction:
     refinement : Refinement
         The finer mesh or the three-dimensional model.
     changes : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals of the better model minus those of the earlier model in mm, in G groups of m
-        points.
+        For each experiment, the residuals of the better model minus the residuals of the earlier model in mm, for G
+        groups (edges, or x and y) of m points in K states.
     better : Comparison
         Comparison of the better model with the measurements.
     models : tuple of Model

@@ -43,8 +43,8 @@ class Experiment:
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points of the K states.
     change : ndarray, shape (K, G, m), optional
-        Change of the residuals in mm by a better beam model, in G groups of m points. The change is added to the
-        residuals (`inference.evidence.corrections`).
+        Change of the residuals in mm by a better beam model, in G groups (edges, or x and y) of m points. The change is
+        added to the residuals (`inference.evidence.corrections`).
     solid : SolidBeside, optional
         The three-dimensional model that is solved instead of ``model``.
     solid_options : SolidOptions, optional

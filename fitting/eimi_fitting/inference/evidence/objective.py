@@ -66,7 +66,10 @@ class Evaluation:
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether a candidate has all equilibria but an unstable law in at least one state, for P candidates, (P,)."""
+        """Whether a candidate is unstable, for P candidates, (P,).
+
+        The law of an unstable candidate is not stable in at least one state, although every state has an equilibrium.
+        """
         return self.comparison.unstable
 
     @property
@@ -156,7 +159,7 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an evaluation after the corrections of the problem ``before`` are replaced by those of this problem.
+        """Return an evaluation with the corrections of this problem in place of those of the problem ``before``.
 
         Corrections by better beam models are added to the residuals. The two problems may differ only in corrections.
         """
@@ -198,7 +201,7 @@ class Problem:
         independent_points : float
             Number of independent edge points.
         experiments : sequence of Experiment, optional
-            Experiments that replace those of the problem.
+            Experiments that replace the experiments of the problem.
         near : sequence of Shapes
             Shapes of an earlier evaluation on the same meshes that was made with ``keep``. The solver starts from the
             shapes of the first candidate of that evaluation.

@@ -174,7 +174,10 @@ def _background_field(loads: Loads, deviation: Array) -> Loads:
 
 
 def _field_graded(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with deviations of the field gradient along and across the beam, as shares per metre."""
+    """Return the loads with another field gradient along and across the beam.
+
+    ``deviation`` (2,) has the two changes of the gradient: the relative change of the field per metre.
+    """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     if not size:

@@ -299,7 +299,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of coordinates that CMA-ES varies: those of the law, and of the bulk modulus if it is unknown.
+        """Number of coordinates that CMA-ES varies: the coordinates of the law, and the bulk modulus if it is unknown.
 
         The inputs that the fit determines too (freed nuisances) keep their stated values until the Gauss-Newton steps.
         """
@@ -403,7 +403,7 @@ class Unknowns:
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
         """Return groups of candidates (sets of values of the unknowns) that have the same deviations of the lens.
 
-        The parameters and the form of the result are those of `bent`.
+        The parameters and the form of the result are the same as for `bent`.
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

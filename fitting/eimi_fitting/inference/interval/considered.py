@@ -55,8 +55,9 @@ class ConsideredSources:
     part : int
         Index of the number among the parts of its source.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm, with the shape (K, G, m) for G groups of m points in K
-        states. None if the number does not belong to the experiment or the model finds no equilibrium.
+        For each experiment, the change of the residuals in mm, with the shape (K, G, m) for G groups (edges, or x and
+        y) of m points in K states. None if the number does not belong to the experiment or the model finds no
+        equilibrium.
     """
 
     name: str
@@ -171,8 +172,8 @@ def changes_of(
     Returns
     -------
     list of list
-        For each experiment and each number, the change in mm, with the shape (K, G, m) for G groups of m points in K
-        states. None if the number does not belong to the experiment or the model finds no equilibrium.
+        For each experiment and each number, the change in mm, with the shape (K, G, m) for G groups (edges, or x and y)
+        of m points in K states. None if the number does not belong to the experiment or the model finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -257,8 +258,8 @@ def changes_by(
     Returns
     -------
     list of ndarray or None
-        For each deviation, the change of the residuals in mm, with the shape (K, G, m) for G groups of m points in K
-        states. None if the model finds no equilibrium.
+        For each deviation, the change of the residuals in mm, with the shape (K, G, m) for G groups (edges, or x and y)
+        of m points in K states. None if the model finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)

@@ -42,7 +42,7 @@ class LinearStates:
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals in mm, in G groups of m neighbouring points.
+        Residuals in mm, in G groups (edges, or x and y) of m neighbouring points.
     slopes : ndarray, shape (n, K, G, m)
         Derivatives of the residuals in the unit coordinates (0 to 1) of the unknowns, in mm.
     used : ndarray, shape (K, G, m)
@@ -73,7 +73,7 @@ class LinearStates:
     def score(self, residuals: Array) -> Array:
         """Return the sum over the states k of w_k J_k' r_k, shape (n,), for weights w_k, slopes J_k and residuals r_k.
 
-        The residuals r_k in mm have the shape (K, G, m) for G groups of m points in K states.
+        The residuals r_k in mm have the shape (K, G, m) for G groups (edges, or x and y) of m points in K states.
         """
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
@@ -242,7 +242,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals of K states in mm, in G groups of m neighbouring points.
+        Residuals of K states in mm, in G groups (edges, or x and y) of m neighbouring points.
     weights : ndarray, shape (K, G, m)
         Zero for points that are not used.
     observed : EdgeObservation or PointObservation

@@ -183,7 +183,7 @@ def statement(
     Parameters
     ----------
     names : sequence of str
-        Names of all unknowns, first those of the law's coordinates.
+        Names of all unknowns; the coordinates of the law come first.
     law_coordinates : int
         Number of coordinates of the law.
     not_fixed : sequence of str

@@ -49,7 +49,7 @@ class Explained:
     ----------
     states : tuple of LinearStates
         The linearised states of each experiment. The slopes have the shape (n + S, K, G, m): derivatives in n unknowns
-        and S inputs for G groups of m points in K states. The weights are computed from the noise.
+        and S inputs for G groups (edges, or x and y) of m points in K states. The weights are computed from the noise.
     hessian : ndarray, shape (n + S, n + S)
         Hessian of minus the log-likelihood with priors, in n unknowns and S uncertain inputs.
     squares : float
@@ -270,7 +270,7 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
     ``misfit`` has the residuals of 2 n + 1 candidates, and ``distance`` (n,) the distance of the two candidates of each
-    difference. The shape of the result is (n, K, G, m) for G groups of m points in K states.
+    difference. The shape of the result is (n, K, G, m) for G groups (edges, or x and y) of m points in K states.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -280,7 +280,7 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
     """Return the slopes of the residuals in unit coordinates (0 to 1) of n unknowns and S uncertain inputs, in mm.
 
-    The shape is (n + S, K, G, m) for G groups of m points in K states.
+    The shape is (n + S, K, G, m) for G groups (edges, or x and y) of m points in K states.
     """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 

@@ -44,7 +44,7 @@ class Ends:
     low, high : ndarray, shape (n,)
         Lower and upper ends in unit coordinates (0 to 1).
     profiled : tuple of int
-        Indices of the coordinates whose ends are those of the profile likelihood.
+        Indices of the coordinates whose ends come from the profile likelihood.
     """
 
     low: Array

@@ -192,13 +192,14 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals to those of the three-dimensional model, and return the fit to the corrected residuals.
+    """Correct the residuals to the residuals of the three-dimensional model, and return the fit to the result.
 
     Returns
     -------
     tuple or None
         The corrected problem, its optimum, the remaining error of the correction, and the displacements of the
-        three-dimensional model minus those of the planar model. None if these displacements cannot be interpolated.
+        three-dimensional model minus the displacements of the planar model. None if these displacements cannot be
+        interpolated.
     """
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)

@@ -68,7 +68,10 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return 1 / (expected difference in AIC), shape (D,), for D choices of K states by index, shape (D, K)."""
+        """Return the criterion of D choices of K states, shape (D,): 1 / (expected difference in AIC of the two laws).
+
+        `exchange` minimises this criterion. ``choices`` has the indices of the K states, shape (D, K).
+        """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))

@@ -50,7 +50,10 @@ class Values(Protocol):
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether a candidate has all equilibria but an unstable law in at least one state, for P candidates, (P,)."""
+        """Whether a candidate is unstable, for P candidates, (P,).
+
+        The law of an unstable candidate is not stable in at least one state, although every state has an equilibrium.
+        """
 
 
 @dataclass(frozen=True)
