@@ -164,7 +164,8 @@ class Off:
     limit_A : float
         The largest current with which the supply counts as off, A.
     found_off : bool
-        True if the driver had to reopen the line to the supply and the output was already off after the reopening.
+        True if the driver had to reopen the connection to the supply and the output was already off after the
+        reopening.
     """
 
     current_A: float
@@ -294,7 +295,7 @@ class SupplyDriver(Protocol):
     """
 
     def __call__(self, link: Any, limits: Limits, clock: Clock, /) -> PowerSupply:
-        """Open a supply and return it. `link` is the line that `connect` returned, or the address as text."""
+        """Open a supply and return it. `link` is the connection that `connect` returned, or the address as text."""
 
 
 @runtime_checkable
@@ -372,7 +373,7 @@ class SensorReading:
 class Sensor(Protocol):
     """The members of a sensor: a gaussmeter, a thermometer, or another instrument that measures one number.
 
-    Every call ends within 4 s, or within 2 s if no instrument answers on the line. Every error is an InstrumentError.
+    Every call ends within 4 s, or within 2 s if no instrument answers. Every error is an InstrumentError.
     No call changes a setting of the sensor.
     """
 
@@ -393,7 +394,7 @@ class Sensor(Protocol):
         InstrumentTimeout
             No complete answer arrived within `timeout_s`.
         InstrumentDisconnected
-            The line was cut or closed.
+            The connection was cut or closed.
         ReplyNotUnderstood
             The answer does not have the form that the manual of the sensor describes.
         """
@@ -413,7 +414,7 @@ class SensorDriver(Protocol):
     """
 
     def __call__(self, link: Any, clock: Clock, /) -> Sensor:
-        """Open a sensor and return it. `link` is the line that `connect` returned, or the address as text."""
+        """Open a sensor and return it. `link` is the connection that `connect` returned, or the address as text."""
 
 
 class Clock(Protocol):

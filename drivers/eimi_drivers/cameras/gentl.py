@@ -150,14 +150,14 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first feature in `names` that can be read from the camera; None if no feature can be read."""
+        """Return the first GenICam feature in `names` that can be read from the camera; None if there is none."""
         for name in names:
             if self._nodes.has_node(name) and self._api.is_readable(node := self._nodes.get_node(name)):
                 return node
         return None
 
     def _set(self, key: str, value: object, number: object, *names: str) -> None:
-        """Write a number to the first feature in `names` that the camera has.
+        """Write a number to the first GenICam feature in `names` that the camera has.
 
         Parameters
         ----------

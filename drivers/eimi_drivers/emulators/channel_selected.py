@@ -1,4 +1,4 @@
-"""Emulate families of SCPI supplies that have several channels and apply each message to the selected channel.
+"""Emulate families of SCPI supplies that have several outputs (channels), of which a message selects one.
 
 The coil is connected to one channel. A message for another channel causes an error. The messages in this module were
 written independently of the messages in the drivers, so that tests find a wrong message in a driver.
@@ -23,7 +23,7 @@ from eimi_drivers.emulators.trip_level import TripLevel
 
 
 class _ChannelSelected(ScpiDialect):
-    """Emulated SCPI supply that applies messages to the selected channel.
+    """Emulated SCPI supply that applies messages to the selected channel (output).
 
     After power-up a channel without a coil is selected.
 

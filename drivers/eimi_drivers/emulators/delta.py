@@ -25,8 +25,8 @@ class DeltaPscEthDialect(ScpiDialect):
     """Emulated SM supply with a PSC-ETH card, whose set-points come from the front panel after power-up.
 
     A received set-point acts on the output only if Ethernet was selected as the source of the set-points. Every message
-    restarts the watchdog. The emulator checks the time of the watchdog only when a message arrives. A caller can check
-    the time between messages with `watch`.
+    restarts the watchdog, a timer that switches the output off. The emulator checks the time of the watchdog only
+    when a message arrives. A caller can check the time between messages with `watch`.
     """
 
     identification = "DELTA ELEKTRONIKA BV,SM70-22,EMULATED,P0102"

@@ -1,4 +1,4 @@
-"""Define the faults that an emulated instrument can have, and emulate the faults of its line."""
+"""Define the faults that an emulated instrument can have, and emulate the faults of its line (the connection to it)."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class FaultyInstrument:
         self._silent_until_s = -float("inf")
 
     def inject(self, fault: Fault | None, concerns: Callable[[bytes], bool] = bool) -> None:
-        """Begin or end a fault of the line.
+        """Begin or end a fault of the line (the connection to the instrument).
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class FaultyInstrument:
         self._fault, self._concerns, self._next = Fault.DROP, concerns, other
 
     def reconnect(self) -> None:
-        """Restore a line that was cut permanently."""
+        """Restore a line (connection) that was cut permanently."""
         self.lost, self._fault = False, None
 
     def receive(self, data: bytes) -> bytes:
@@ -194,7 +194,7 @@ class FaultyInstrument:
         Raises
         ------
         ConnectionResetError
-            The present fault cuts the line.
+            The present fault cuts the connection.
         """
         fault = self._fault if self._concerns(data) else None
         if self.lost or fault in {Fault.DISCONNECT, Fault.REENUMERATE}:

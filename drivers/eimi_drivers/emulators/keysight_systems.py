@@ -19,7 +19,7 @@ PROTECTED = 2048
 
 
 class _KeysightWatchdog(ScpiDialect):
-    """Emulated Keysight supply with a watchdog, which every message restarts.
+    """Emulated Keysight supply with a watchdog, a timer that switches the output off and that every message restarts.
 
     After the watchdog has switched the output off, the answer to ``OUTP?`` is still 1. The emulator checks the time of
     the watchdog only when a message arrives. A caller can check the time between messages with `watch`.

@@ -1,4 +1,4 @@
-"""Emulate families of SCPI supplies that have one channel or expect the channel in each message.
+"""Emulate families of SCPI supplies that have one output (channel) or expect the channel in each message.
 
 The messages in this module were written independently of the messages in the drivers, so that tests find a wrong
 message in a driver. The coil is connected to one channel. A message for another channel causes an error.
@@ -17,7 +17,7 @@ MISSING_PARAMETER = '-109,"Missing parameter"'
 
 
 class _SeveralChannels(ScpiDialect):
-    """Emulated SCPI supply with several channels. The coil is connected to one channel.
+    """Emulated SCPI supply with several outputs (channels). The coil is connected to one channel.
 
     A message for another channel causes an error.
     """

@@ -1,7 +1,7 @@
 """Drivers of gaussmeters, thermometers and other sensors, and `open_sensor`, which opens a sensor by its driver's name.
 
 sensor_names      the drivers by name
-base              the functions of every driver on a line: one query, one answer, a time limit
+base              the functions of every driver: one query, one answer, a time limit
 lake_shore        Lake Shore 425 and 475 gaussmeters
 fw_bell           F.W. Bell 5080 gaussmeters
 coil_thermometer  the coil as a thermometer: its resistance increases with its temperature

@@ -100,13 +100,13 @@ class SensorBase(ABC):
         InstrumentTimeout
             No complete answer arrived within `timeout_s`.
         InstrumentDisconnected
-            The line was cut or closed.
+            The connection was cut or closed.
         ReplyNotUnderstood
             The answer does not have the form that the manual of the sensor describes.
         """
 
     def close(self) -> None:
-        """Release the line. Closing twice is allowed."""
+        """Release the connection. Closing twice is allowed."""
         self._link.close()
 
     def _reading(self, value: float, unit: str, standard_uncertainty: float | None = None) -> SensorReading:

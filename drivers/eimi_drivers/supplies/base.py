@@ -112,7 +112,7 @@ class SupplyBase(Conversation, ABC):
     @classmethod
     @abstractmethod
     def connect(cls, address: str) -> Transport:
-        """Open the line to the supply at this address and return the line."""
+        """Open the line (connection) to the supply at this address and return the line."""
 
     @abstractmethod
     def identify(self) -> Identity:
@@ -205,7 +205,7 @@ class SupplyBase(Conversation, ABC):
     def set_output(self, on: bool) -> None:
         """Switch the output on or off, and verify that the output has switched.
 
-        The protections and the watchdog inside the supply are armed before the output is switched on.
+        The protections and the watchdog (a timer) inside the supply are switched on before the output.
 
         Raises
         ------
@@ -278,10 +278,10 @@ class SupplyBase(Conversation, ABC):
         return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the line, check that the same supply answers, and return whether its output is off already.
+        """Reopen the connection, check that the same supply answers, and return whether its output is off already.
 
-        If the line cannot be reopened, or if no supply was identified before, nothing is checked and the result is
-        False. Raises SwitchOffFailed if another supply may answer on the reopened line.
+        If the connection cannot be reopened, or if no supply was identified before, nothing is checked and the result
+        is False. Raises SwitchOffFailed if another supply may answer on the reopened line.
         """
         try:
             if not self._link.reopen() or self._bound is None:
@@ -350,7 +350,7 @@ class SupplyBase(Conversation, ABC):
         return failed_stages(stages, self._link.address)
 
     def close(self) -> None:
-        """Release the line and leave the output as it is. `safe_off` switches the output off."""
+        """Release the connection and leave the output as it is. `safe_off` switches the output off."""
         self._link.close()
 
     def _refuse_outside(self, quantity: str, value: float, lowest: float, limit: float, unit: str) -> None:

@@ -32,16 +32,16 @@ class InterruptibleTransport:
         self._link.write(message)
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+        """Return the next bytes from the instrument: at most `size` bytes, or the bytes up to and including `end`.
 
         Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
         """
         return self._link.read(size, timeout_s, end)
 
     def reopen(self) -> bool:
-        """Reopen the line; return False if the line cannot be reopened."""
+        """Reopen the connection; return False if the connection cannot be reopened."""
         return self._link.reopen()
 
     def close(self) -> None:
-        """Release the line."""
+        """Release the connection."""
         self._link.close()

@@ -30,7 +30,7 @@ class LoggedTransport:
         self._sent_s = self._slowest_s = 0.0
 
     def write(self, message: bytes) -> None:
-        """Log the message, discard all unread bytes of the line, and send the message."""
+        """Log the message, discard all unread bytes of the connection, and send the message."""
         _log.debug("%s > %r", self.address, message)
         self._messages += 1
         self._sent_s = self._clock.now()
@@ -62,7 +62,7 @@ class LoggedTransport:
         return self._link.reopen()
 
     def close(self) -> None:
-        """Log the summary and release the line."""
+        """Log the summary and release the connection."""
         _log.info(
             "%s: %d messages, %d answers, the slowest answer after %.3f s; %d faults, the line was reopened %d times",
             self.address,

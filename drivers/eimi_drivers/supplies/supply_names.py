@@ -195,7 +195,7 @@ def open_with(
 
 
 def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
-    """Call `open_it`, and return the line or the supply that this function opens.
+    """Call `open_it`, and return the connection or the supply that this function opens.
 
     An exception of `open_it` is raised as an InstrumentError whose message contains `name` and `address`.
     """

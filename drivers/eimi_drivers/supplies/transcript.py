@@ -22,7 +22,7 @@ from eimi_drivers.supplies.transport import Transport
 
 
 class TranscriptMismatch(AssertionError):
-    """Report that a driver sends another message than the transcript, or reads where the transcript has no answer."""
+    """Report that a driver sends another message than the recorded one, or reads where no answer was recorded."""
 
 
 class RecordingTransport:
@@ -47,7 +47,7 @@ class RecordingTransport:
         self._note(kind, f"{type(error).__name__} {error}".encode("unicode_escape").decode("ascii"))
 
     def write(self, message: bytes) -> None:
-        """Record the message, discard all unread bytes of the line, and send the message."""
+        """Record the message, discard all unread bytes of the connection, and send the message."""
         self._note(">", escaped(message))
         try:
             self._link.write(message)
@@ -56,7 +56,7 @@ class RecordingTransport:
             raise
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return and record the next bytes from the line: at most `size` bytes, or the bytes up to and including `end`.
+        """Return and record the next bytes from the instrument: at most `size`, or the bytes up to and including `end`.
 
         Raises InstrumentTimeout if neither `size` bytes nor `end` arrive within `timeout_s` (s).
         """
@@ -69,18 +69,18 @@ class RecordingTransport:
         return received
 
     def reopen(self) -> bool:
-        """Record the reopening and reopen the line; return False if the line cannot be reopened."""
+        """Record the reopening and reopen the connection; return False if the connection cannot be reopened."""
         self._note("open", self.address.encode("unicode_escape").decode("ascii"))
         return self._link.reopen()
 
     def close(self) -> None:
-        """Release the line and close the transcript file."""
+        """Release the connection and close the transcript file."""
         self._link.close()
         self._file.close()
 
 
 class ReplayedTransport:
-    """A line that replaces an instrument: it answers at once from a transcript (a file with recorded messages).
+    """A connection without an instrument, which answers at once from a transcript, a file with recorded messages.
 
     TranscriptMismatch is raised if the driver sends another message than the next message of the transcript, or reads
     when the transcript contains no answer. An error in the transcript is raised again. `assert_complete` checks that
@@ -102,7 +102,7 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Return the line number and the text of the next event of the transcript, and advance to the following event.
+        """Return line number and text of the next event of the transcript file, and advance to the following event.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class ReplayedTransport:
         return False
 
     def close(self) -> None:
-        """Do nothing, because no line is open."""
+        """Do nothing, because no connection is open."""
 
     def assert_complete(self) -> None:
         """Raise TranscriptMismatch if the transcript was not played back to its end."""

@@ -72,19 +72,19 @@ class Transport(Protocol):
         """
 
     def reopen(self) -> bool:
-        """Close a line that has failed, and open it again.
+        """Close a connection that has failed, and open it again.
 
         The address may meanwhile lead to another instrument. The caller must therefore ask for the identity again.
 
         Returns
         -------
         bool
-            True if the line is open again; False if a line of this kind is never reopened.
+            True if the connection is open again; False if a connection of this kind is never reopened.
 
         Raises
         ------
         InstrumentError
-            The line could not be opened.
+            The connection could not be opened.
         """
 
     def close(self) -> None:
@@ -227,11 +227,11 @@ class Responder(Protocol):
     """An object that replaces an instrument: the object receives bytes and returns the answer as bytes."""
 
     def receive(self, data: bytes) -> bytes:
-        """Receive a message and return the answer, which may be empty. Raises ConnectionError if the line is cut."""
+        """Receive a message and return the answer, which may be empty. Raises ConnectionError after a cut."""
 
 
 class InProcessTransport:
-    """A line to an emulator in the same process. All waits use the clock of the emulator.
+    """A line (connection) to an emulator in the same process. All waits use the clock of the emulator.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
 
 
 def reports_a_cut_line(bench: SensorBench) -> None:
-    """Check that the first and the second `read` on a cut line raise InstrumentDisconnected or InstrumentTimeout."""
+    """Check that `read` raises InstrumentDisconnected or InstrumentTimeout, twice, after the connection was cut."""
     bench.reads(1.0)
     bench.line.inject(Fault.DISCONNECT)
     for _ in range(2):

@@ -225,9 +225,9 @@ def takes_no_late_answer_for_the_next(bench: SupplyBench) -> None:
 
 
 def reports_a_cut_line(bench: SupplyBench) -> None:
-    """Check that a query on a cut line raises InstrumentDisconnected or InstrumentTimeout.
+    """Check that a query raises InstrumentDisconnected or InstrumentTimeout after the connection was cut.
 
-    `safe_off` must raise SwitchOffFailed on a cut line.
+    `safe_off` must then raise SwitchOffFailed.
     """
     bench.energise()
     bench.line.inject(Fault.DISCONNECT)

@@ -143,7 +143,10 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values s at which d(s) = b(s) is assumed, with b in ``base``: 0 if ``by_turn``, otherwise none."""
+        """The values s of the bending at which the depth effect is taken from ``base``: 0 if ``by_turn``, else none.
+
+        The depth effect is the shape of the solid model minus the shape of the planar model.
+        """
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property

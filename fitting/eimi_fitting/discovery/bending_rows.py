@@ -66,10 +66,10 @@ def bending_rows(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms from the edges of bent beams.
 
-    The first nuisance is an error of all moduli of the beams by a common factor, in units of `scale_deviation`. Each
-    part of a source of uncertainty that a file specifies is a further nuisance. The remaining error of the beam model
-    counts as additional noise in each state. If a beam has no equilibrium, the linearisation is repeated about laws
-    that are 1 % stiffer, 1 % softer and 3 % stiffer.
+    The equations also contain errors of inputs (nuisances). The first nuisance is an error of all moduli of the beams
+    by a common factor, in units of `scale_deviation`. Each part of an input whose uncertainty a file specifies is a
+    further nuisance. The remaining error of the beam model counts as additional noise in each state. If a beam has no
+    equilibrium, the linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
 
     Parameters
     ----------

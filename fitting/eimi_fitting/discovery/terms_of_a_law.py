@@ -299,7 +299,9 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return the result of `bending_rows`, linearised again about the fit of all terms until this fit hardly changes.
+    """Return the result of `bending_rows`, repeated until the fit of all terms hardly changes.
+
+        The edges are first linearised about the coefficients ``about``, and then about each new fit.
 
     Raises
     ------

@@ -263,7 +263,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
     """Return the problem ``changed`` and its optimum, computed from the optimum of the problem ``now``.
 
-    The two problems differ only in the corrections of their residuals.
+    The two problems differ only in the corrections of their residuals by better beam models.
     """
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)

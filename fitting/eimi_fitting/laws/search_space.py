@@ -64,7 +64,7 @@ class SearchSpace:
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
         """Return the bulk moduli at P points (P, m) of the unit cube, (P,) in Pa; None if K is not a coordinate.
 
-        The search has m coordinates, and K is the bulk modulus.
+        The search has m coordinates from 0 to 1, and K is the bulk modulus.
         """
         if not self.has_bulk:
             return None
@@ -82,7 +82,7 @@ class SearchSpace:
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Return the m physical coordinates of the law, (P, m), at P points of the unit cube, (P, m)."""
+        """Return the m physical coordinates of the law, (P, m), at P points of the unit cube, (P, m) from 0 to 1."""
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)
@@ -90,7 +90,7 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Return the n parameters of the law, (P, n), at P points of the unit cube with m coordinates, (P, m)."""
+        """Return the n parameters of the law, (P, n), at P points with m coordinates from 0 to 1, (P, m)."""
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
         return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))

@@ -1,7 +1,7 @@
 """Identify the viscoelastic (Prony) law of a soft beam from ring-downs, creep and its static states.
 
 measured        `Motion`, a recorded ring-down or creep
-channels        the signals of a motion, cleaned of gaps and outliers
+channels        the coordinates of points over time, cleaned of gaps and outliers
 decay           frequencies and losses of a ring-down
 decay_windows   frequency and loss of a ring-down in time windows
 decay_checks    whether the fitted vibrations describe a ring-down

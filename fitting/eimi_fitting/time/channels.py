@@ -160,7 +160,8 @@ def _frame_times(motion: Motion) -> Array:
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return the channels (n, c) with linear combinations of a few signals in place of gaps and outliers.
 
-    There are n frames and c channels. The second result, (n, c), is True for the entries that were replaced.
+    There are n frames and c channels (coordinates of points). The second result, (n, c), is True for the entries that
+    were replaced.
     """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
@@ -196,7 +197,10 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Return r independent signals (n, r) of c channels in n frames, and the patterns (r, c) of `Signals`."""
+    """Return r independent signals (n, r) of c channels in n frames, and the patterns (r, c) of `Signals`.
+
+    A channel is one coordinate of one point.
+    """
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)
     noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly

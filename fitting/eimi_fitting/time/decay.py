@@ -192,7 +192,7 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return the doubt about a ring-down of which only some windows are used.
+    """Return the warning (doubt) about a ring-down of which only some time windows are used.
 
     windows: all windows; used: the used windows; label: where the recording comes from; hangs: whether a weight hangs
     from the beam.
@@ -286,7 +286,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return n times in s, (n,), and the largest amplitude over all channels at these times in mm, (n,).
+    """Return n times in s, (n,), and the largest amplitude of all coordinates of points at these times in mm, (n,).
 
     The amplitude is computed from the signals in a band around the frequency in Hz.
     """
@@ -305,7 +305,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the part of a ring-down that is fitted, and the doubts about this part.
+    """Return start and end in s of the part of a ring-down that is fitted, and the doubts (warnings) about this part.
 
     In this part the beam decays freely, and its amplitude is below 5 % of the length.
 

@@ -83,7 +83,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 
 
 def doubts_of(fitted: ModalFit, label: str) -> list[str]:
-    """Return the doubts about a fit: unexplained motion, vibrations of almost equal frequency, too few frames."""
+    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames."""
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
     if share > _DOUBTED and fitted.noise > OVER_NOISE:

@@ -227,7 +227,7 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a doubt if a solid section would give another modulus than the stated planar section.
+    """Return a doubt (a warning) if a solid section would give another modulus than the stated planar section.
 
     There is no doubt for a difference of at most 2 %, and if the solid has no equilibrium.
     """
@@ -252,7 +252,7 @@ def _same(one: Loads, other: Loads) -> bool:
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its decay (fitted vibrations), and the doubts about the recordings.
+    """Return each motion with its decay (fitted vibrations), and the doubts (warnings) about the recordings.
 
     The decay is None for a motion without a vibration.
     """
@@ -303,7 +303,7 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the evidence of creep (rotations of the tip over time) from recordings that begin with a step of the load.
+    """Return rotations of the tip over time (the evidence of creep) from recordings with a step of the load.
 
     If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used.
     """

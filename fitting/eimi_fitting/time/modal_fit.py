@@ -183,7 +183,7 @@ class ModalFit:
         return self.signals.in_mm(design[:, first:] @ self.linear[first:])
 
     def amplitude_mm(self) -> Array:
-        """Return the amplitude of the first mode in n frames, (n,) in mm, in the channel with the largest amplitude."""
+        """Return the amplitude of the first mode in n frames, (n,) in mm, for the coordinate that moves most."""
         complex_amplitude = self.signals.in_mm(self.linear[0]) - 1j * self.signals.in_mm(self.linear[1])
         time = self.signals.time_s - self.signals.time_s[0]
         return float(np.abs(complex_amplitude).max()) * np.exp(exponent(time, self.modes[0], self.bend).real)

@@ -238,7 +238,7 @@ def result_of(
     draws, draws_fit : ndarray, shape (D, m)
         Draws of the m unknowns, with the sources of uncertainty (``draws``) and without (``draws_fit``).
     doubts : tuple of str
-        Doubts about the recordings.
+        Warnings about the recordings.
     exposure_s : float or None
         Exposure time of a frame; None if it is not known.
     wall_s : float

@@ -190,7 +190,8 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
     """Return the root mean square of the vibration at m times after the fitted part, (m,) in rad of the tip.
 
     Vibrations were fitted to one part of the recording. The frames after this part may be too few to average the
-    vibration away. gain: the displacements per rad of the channels, divided by their noise.
+    vibration away. gain: for each channel (coordinate of a point), the displacement per rad of rotation of the tip,
+    divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)

@@ -1,4 +1,6 @@
-"""Compute the probabilities of the possible causes of the residuals of a fit, by linear Gaussian models.
+"""Compute the probabilities of the possible causes (errors of the bench) of the residuals of a fit.
+
+The probabilities are computed with linear Gaussian models.
 
 Let r be the residuals in mm at the optimum, with every input at its stated value, and J the slopes of r in the unknowns
 x of the law. A cause a has the amplitudes s_a (`possible_causes`). The signature C_a of the cause is the change of the
@@ -271,7 +273,7 @@ class _Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return classes of causes that change the residuals alike, as indices of the causes.
+        """Return classes of causes (errors of the bench) that change the residuals alike, as indices of the causes.
 
         The first cause of each class is the most probable one.
         """
@@ -425,10 +427,10 @@ class _Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of the probable hypotheses (sets of causes), which are simulated.
+        """Return the indices of the probable hypotheses (sets of possible errors of the bench), which are simulated.
 
         A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one. In the
-        first passes, the single causes are included in any case.
+        first passes, the hypotheses of one error are included in any case.
         """
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)

@@ -3,8 +3,8 @@
 The beam model does not explain a state under two conditions. The error of the state exceeds three times the stated
 uncertainty, and it exceeds a twentieth of the largest deflection or half the width of the beam. Edges of another beam,
 a wrong scale or a wrong sign of the field cause errors of this size. The fit is then refused. Residuals that are many
-times the stated uncertainty of the edges cause a doubt about the result. A probable cause of the residuals is also a
-doubt if it changes the modulus (`causes`).
+times the stated uncertainty of the edges cause a doubt (a reason to distrust the result). A probable cause of the
+residuals is also a doubt if it changes the modulus (`causes`).
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the errors of the K states in mm after correction for a displaced clamp. A displaced clamp
-        causes a doubt, but the fit is not refused.
+        For each experiment, the errors of the K states in mm after the edges are corrected for a displaced clamp. A fit
+        with a displaced clamp is not refused.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool

@@ -1,4 +1,4 @@
-"""Find causes that change the residuals in nearly the same way, and give these causes equal probabilities.
+"""Find causes (errors of the bench) that change the residuals alike, and give these causes equal probabilities.
 
 Let e_0 be the remaining residuals without a cause. Let e_a be the remaining residuals if only the cause a is present,
 with its most probable amplitudes. e_0 and e_a are computed after the most probable changes of the law, in units of the
@@ -11,15 +11,15 @@ Then
 If one of the two causes is true and the noise is normal, the logarithm of the odds between the two causes is |e_a -
 e_b|^2 / 2 on average. The causes are alike if the data favour the true cause by less than 9 to 1. Then |e_a - e_b|^2 is
 below 2 ln 9 plus the number of amplitudes of both causes, because noise adds 1 for each amplitude. Probable causes are
-simulated at their amplitudes, so that the angle does not depend on the size for which signatures are linear. Causes
-that are alike form a class of at most three. A class has one member if the value of the cause is negligible, and only
-other amplitudes of the cause explain the residuals.
+simulated at their amplitudes, so that the angle does not depend on the size up to which the residuals change linearly.
+Causes that are alike form a class of at most three. A class has one member if the value of the cause is negligible, and
+only other amplitudes of the cause explain the residuals.
 
 The data do not decide between the causes of a class. The evidence (the probability density of the residuals) of these
 causes differs only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam
 that is 9 mm nearer change the residuals alike. 3 per cent are three usual sizes of the first cause, so that the
-evidence would favour the second cause, even if the scale is wrong. The hypotheses that differ only by the choice within
-a class therefore share their probability equally, because their prior probabilities are equal.
+evidence would favour the second cause, even if the scale is wrong. The hypotheses (sets of causes) that differ only by
+the choice within a class therefore share their probability equally, because their prior probabilities are equal.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
 
-Possible causes of residuals change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
+Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
 describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
 the beam model is similar in states with similar loads and on both edges. The coefficients of the states and edges are
 therefore replaced by linear combinations (a rotation), in which the coefficients of such an error are independent.
@@ -42,8 +42,8 @@ class Projection:
         For each experiment, the rotation of the K states to independent combinations (``over_states``) and the rotation
         of the G groups to independent combinations (``over_groups``).
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no possible
-        cause in `POSSIBLE_CAUSES` explains (``error``).
+        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no error of the
+            bench in `POSSIBLE_CAUSES` explains (``error``).
     """
 
     bases: tuple[Array, ...]

@@ -94,7 +94,7 @@ class PossibleCause:
         Standard deviation of the prior of each amplitude, the usual size of the error in a laboratory.
     change : callable or None
         Takes the assumptions of a fit and the amplitudes, and returns the assumptions with this cause. None for a wrong
-        section. The signature of a wrong section is the difference between a three-dimensional and a planar model.
+        section. The change of the residuals by a wrong section is computed with a three-dimensional model.
     decide_by : str
         The measurement that decides whether the cause is present.
     source : str

@@ -44,9 +44,10 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """One amplitude of a possible cause of residuals, with its signature.
+    """One amplitude of a possible cause of residuals, with the signature of the amplitude.
 
-    The signature is the change of the residuals in mm for an amplitude of one.
+    A cause is a possible error of the bench. An amplitude is its size. The signature is the change of the residuals in
+    mm for an amplitude of one.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ class Solved:
         return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
 
     def between_ends(self) -> Array:
-        """Return 1 for a measured point of an edge that no usual cause moves beyond an end of the edge, else 0.
+        """Return 1 for a measured edge point that no usual error of the bench moves beyond an end of the edge, else 0.
 
         Beyond an end, the distance of a point from the edge is its distance from the end. This distance is not a smooth
         function of the place of the point. The signature of a cause (the change of the residuals by an error of the

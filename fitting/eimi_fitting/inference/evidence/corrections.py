@@ -60,7 +60,7 @@ class Refinement:
     remaining_share : float
         Share of the change of the optimum that remains uncertain.
     doubt : str
-        Text of the doubt about a fit for which the better model finds no equilibrium.
+        Text of the warning about a fit for which the better model finds no equilibrium.
     """
 
     name: str
@@ -163,7 +163,7 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return the correction without the simulated shapes of the beam, which need much memory."""
+        """Return the correction (by a better beam model) without the simulated shapes, which need much memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:

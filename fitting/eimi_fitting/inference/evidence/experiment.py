@@ -175,7 +175,7 @@ class Comparison:
         Simulated shapes of the beam in each experiment. Empty if the candidates have different specimens or loads,
         because the meshes may then differ. Candidates may differ in law, strength of the field and lens.
     misfits : tuple of Misfit
-        Residuals of the candidates in each experiment.
+        Residuals (distances of measured from simulated points) of the candidates in each experiment.
     """
 
     unconverged: NDArray[np.bool_]

@@ -1,8 +1,9 @@
 """The sources of uncertainty besides the edges: a registry with one entry for each input that may be uncertain.
 
-A source that is stated with a standard uncertainty is either considered or freed. A considered source widens the
-intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown of the fit
-(`inference.evidence.unknowns`). The entries define keys in files, options of commands and words in reports.
+A source (an uncertain input) with a stated standard uncertainty is either considered or freed. A considered source
+widens the intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown
+that the fit determines (`inference.evidence.unknowns`). The entries define keys in files, options of commands and words
+in reports.
 """
 
 from __future__ import annotations

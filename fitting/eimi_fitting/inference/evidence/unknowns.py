@@ -313,7 +313,7 @@ class Unknowns:
     def modulus_percent(self, moved: float) -> float:
         """Return the change of the modulus in per cent if the first unit coordinate changes by ``moved``.
 
-        The first coordinate is proportional to the logarithm of the modulus, up to a constant.
+        The first coordinate increases linearly with the logarithm of the modulus, from 0 to 1 between its bounds.
         """
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 

@@ -10,9 +10,9 @@ the residuals, and H the Hessian (`inference.interval.covariance`). The optimum 
 and the covariance of the estimate grows by the sum of d_s d_s' over all sources (consider covariance: Schmidt 1966,
 Adv. Control Syst. 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
 
-The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh. One standard
-uncertainty changes the shapes of the beam only a little. The solver therefore starts from the shapes for the stated
-values of the sources.
+The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh of the search.
+One standard uncertainty changes the shapes of the beam only a little. The solver therefore starts from the shapes for
+the stated values of the sources.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the change of the optimum that remains uncertain after the correction."""
+        """Share of the change of the optimum by a better beam model that remains uncertain."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -138,8 +138,8 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
-        The changes of the optimum by corrections. The remaining error of the beam model adds to the noise, so that the
-        uncertain inputs do not explain residuals smaller than this error.
+        The changes of the optimum by better beam models. The remaining error of the beam model adds to the noise, so
+        that the uncertain inputs do not explain residuals smaller than this error.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the error of the beam model that remains after the corrections.
+    """Return the standard deviation of the error that remains after the corrections by better beam models.
 
     The result has one array (K,) in mm for each experiment with K states.
     """

@@ -157,7 +157,10 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the goal quantity, (D,), for D choices of K states by index, (D, K)."""
+        """Return the relative variance of the goal quantity, (D,), for D choices of K states by index, (D, K).
+
+        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
+        """
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -167,19 +170,26 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the 95 % interval of the goal quantity, in per cent, for the states ``choice``."""
+        """Return the half-width of the 95 % interval of the goal quantity, in per cent, for the states ``choice``.
+
+        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
+        """
         return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the standard deviation of the goal quantity due to each source of uncertainty, in per cent.
 
-        The largest effect comes first. The keys are the names of the sources.
+        The largest effect comes first. The keys are the names of the sources. The goal quantity is the modulus or the
+        parameter of the law whose interval is to be narrow.
         """
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal quantity in per cent for one standard uncertainty of each uncertain input."""
+        """Return the change of the goal quantity in per cent for one standard uncertainty of each uncertain input.
+
+        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
+        """
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
@@ -323,8 +333,8 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
     """Return the standard deviation of the error of the edges due to the mesh, in mm, (K, 2, m).
 
-    There are m points on each of 2 edges in K states. The result is a dictionary with the name of the mesh correction
-    as the only key. It is empty without an equilibrium.
+    There are m points on each of 2 edges in K states. The result is a dictionary with one key, the name of a finer mesh
+    (`FINER_MESH`). It is empty without an equilibrium.
     """
     mesh_correction = correction(
         FINER_MESH,

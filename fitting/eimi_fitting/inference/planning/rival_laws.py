@@ -50,7 +50,7 @@ class Rivals:
     square : ndarray, shape (S,)
         w sum r^2 over the points of each state.
     score : ndarray, shape (S, m)
-        w sum J'r over the points of each state.
+        w sum J'r over the points of each state (the gradient of half of ``square``).
     normal : ndarray, shape (S, m, m)
         w sum J'J over the points of each state.
     prior : ndarray, shape (m, m)

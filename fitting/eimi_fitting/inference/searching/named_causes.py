@@ -4,7 +4,7 @@ The check runs before the search. The smallest error of a scan over moduli is di
 this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in the
 loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the error
 to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds 0.2.
-Otherwise the mistake becomes a doubt about the fit.
+Otherwise the result of the fit contains a warning that names the mistake.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _error_without(alone: Problem, cause: Cause, independent_points: float) -> f
     """Return the smallest error in mm of a scan over moduli with loads corrected for the mistake ``cause``.
 
     ``alone`` is the fit of one dataset. The error is the mean over the states of the root mean square residual. It is
-    infinite if the correction changes no load.
+    infinite if the mistake concerns no load of the dataset.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)

@@ -4,8 +4,8 @@ State k has N_k residuals r_ki in mm, which form the vector r_k. Up to a constan
 
     f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
 
-The slopes J_k = dr_k/dx are derivatives in the unit coordinates x of the unknowns. The gradient of f is the gradient of
-least squares with the weights w_k = 1 / (N_k e_k):
+The slopes J_k = dr_k/dx are derivatives in the unit coordinates x (0 to 1) of the unknowns. The gradient of f is the
+gradient of least squares with the weights w_k = 1 / (N_k e_k):
 
     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
 
