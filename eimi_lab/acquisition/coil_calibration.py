@@ -40,7 +40,7 @@ class CoilCalibration:
     Parameters
     ----------
     current_A : ndarray, shape (n,)
-        The currents in the order of the measurement, A.
+        The n currents in the order of the measurement, A.
     field_mT : ndarray, shape (n,)
         Mean of the readings of the probe at each current, mT.
     line : FieldLine

@@ -376,7 +376,7 @@ class RunKilled(Event):
 class EmulatedSupplyGone(Event):
     """The emulated supply and its pseudo-terminal do not exist any more.
 
-    The guardian process therefore has nothing to switch off. `takeover` is the reason why it tried.
+    The guardian process therefore has nothing to switch off. `takeover` is the reason why the guardian tried this.
     """
 
     event: ClassVar[str] = "emulated_supply_gone"
@@ -388,9 +388,9 @@ class EmulatedSupplyGone(Event):
 class RunEnded(Event):
     """The run is over.
 
-    `reason` is the name of the signal that stopped the run, or the type of the error that ended it; empty if `status`
-    is "completed". `stored` is the number of states in the dataset, out of `states`; null if the run failed before it
-    could take its first state.
+    `reason` is the name of the signal that stopped the run, or the type of the error that ended the run; empty if
+    `status` is "completed". `stored` is the number of states (load steps) in the dataset, out of `states`; null if the
+    run failed before the first state.
     """
 
     event: ClassVar[str] = "run_ended"

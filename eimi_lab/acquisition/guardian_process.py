@@ -352,7 +352,9 @@ def _print(event: Event) -> None:
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Wait until a run ends or stands still, and switch its supply off if the coil may still be on.
+    """Wait until a run ends or takes no step for too long, and switch the supply off if the coil may still be on.
+
+    This is the main function of the guardian process.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ def begin_with_output_off(
     take_over : bool
         Whether an output that is on is ramped down and switched off. If false, the supply is refused.
     simulated : bool
-        Whether the supply is simulated. If it is and its output is off, no current is measured.
+        Whether the supply is simulated. If the output of a simulated supply is off, no current is measured.
     on_event : OnEvent
         Receives the events about switching the coil off.
 

@@ -78,8 +78,8 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Raises
     ------
     InputError
-        If there is no such dataset, or the files, instruments or frames of the present run differ from those in the
-        dataset. The message names the first difference.
+        If there is no such dataset, or if the files, instruments or frames of the present run differ from the files,
+        instruments or frames in the dataset. The message names the first difference.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")

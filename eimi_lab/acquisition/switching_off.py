@@ -280,7 +280,7 @@ def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str =
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The guardian process. If the coil could not be confirmed off, it continues to try to switch the coil off.
+        The guardian process. If the coil could not be confirmed off, the guardian continues to try to switch it off.
     on_event : OnEvent
         Receives the events.
     failed : str

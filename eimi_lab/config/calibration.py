@@ -159,7 +159,7 @@ class Calibration(Document):
     def positive_field_deg(self) -> float:
         """Direction of the field of a positive current in the picture, in degrees clockwise from +x.
 
-        The direction is that of +y in the beam frame (x along the straight beam from the clamp, y across). Without a
+        This is the direction of +y in the beam frame (x along the straight beam from the clamp, y across). Without a
         coil, the direction is at 90° to the beam.
         """
         return self.axis_angle_deg - 90.0 if self.field_angle_deg is None else self.field_angle_deg
@@ -255,7 +255,8 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
     """Return which of the keys of `PLACES` are missing both in a calibration file and in ``changes``.
 
-    The keys of `PLACES`, "clamp_midpoint_px" and "axis_angle_deg", are the ones that a user measures in a picture.
+    `PLACES` contains the keys of the values that a user measures in a picture: "clamp_midpoint_px" and
+    "axis_angle_deg".
 
     Parameters
     ----------

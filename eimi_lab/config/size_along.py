@@ -12,7 +12,7 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """A width or depth (mm) that varies along the beam. Used as a number, it is the mean over the arc length.
+    """A width or depth (mm) that varies along the beam. The object itself is a number: the mean over the arc length.
 
     Parameters
     ----------

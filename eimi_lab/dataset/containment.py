@@ -75,7 +75,7 @@ def _refuse_members(path: Path, file: h5py.File, place: str) -> None:
 
 
 def _member(path: Path, parent: h5py.Group, name: str) -> Any:
-    """Return the group or array `name` in an HDF5 group. Raises InputError if it is a soft or external link."""
+    """Return the group or array `name` in an HDF5 group. Raises InputError if the name is a soft or external link."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
         raise InputError(

@@ -56,9 +56,9 @@ def make_scene(
         Outline of the whole beam including the magnet: x and y of n points, px, shape (n, 2). The outline may end at
         the clamp line or continue behind the clamp.
     magnet_px
-        Outline of the magnet, inside the beam, px, shape (m, 2); None without a magnet.
+        Outline of the magnet, inside the beam: m points, px, shape (m, 2); None without a magnet.
     clamp_px
-        Outline of the clamp, in front of the beam, px, shape (c, 2); None if no clamp is visible.
+        Outline of the clamp, in front of the beam: c points, px, shape (c, 2); None if no clamp is visible.
     oversampling
         Number of computed points for each pixel and direction. With 1, the light is integrated over each pixel before
         the blur is applied. The blur then displaces an edge that is parallel to the pixel rows by up to 0.01 px, for a
@@ -152,7 +152,7 @@ def render(
     rng
         Random number generator of the noise.
     beam_px, magnet_px, clamp_px
-        Outlines of the beam including the magnet, of the magnet and of the clamp, px, each with the shape (n, 2). None
+        Outlines of the beam including the magnet, of the magnet and of the clamp: n points each, px, shape (n, 2). None
         if there is no magnet or no clamp.
     """
     return expose(make_scene(optics, size, beam_px, magnet_px, clamp_px), rng)

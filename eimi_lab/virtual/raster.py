@@ -20,9 +20,9 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     Parameters
     ----------
     polygon_px
-        Vertices x, y of the polygon in pixels, shape (n, 2), in either orientation. A side joins the last vertex to the
-        first. Pixel centres are at integer coordinates. The polygon may extend beyond the frame, but must not intersect
-        itself.
+        The n vertices x, y of the polygon in pixels, shape (n, 2), in either orientation. A side joins the last vertex
+        to the first. Pixel centres are at integer coordinates. The polygon may extend beyond the frame, but must not
+        intersect itself.
     size
         Width and height of the frame, px.
 
@@ -58,7 +58,7 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel of a rectangle that a polygon covers, shape (height, width).
 
-    ``vertices`` are the vertices x, y of the polygon in pixels, shape (n, 2). ``size`` is the width and height of the
+    ``vertices`` are the n vertices x, y of the polygon in pixels, shape (n, 2). ``size`` is the width and height of the
     rectangle, px. The borders of the pixels, not their centres, are at integer coordinates.
     """
     width, height = size

@@ -179,7 +179,7 @@ class Rod:
         return derivatives, remaining
 
     def mass(self, derivatives: Array) -> Array:
-        """Return the mass matrix (n, n) of the rod, kg m².
+        """Return the mass matrix of the rod for its n coordinates, kg m², shape (n, n).
 
         ``derivatives`` (2, p, n) are the derivatives of the positions of the p mass points, as `moved` returns them.
         """

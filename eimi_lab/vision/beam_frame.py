@@ -22,7 +22,7 @@ def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        Points in the camera's image, px.
+        The n points in the camera's image, px.
     matrix : ndarray, shape (3, 3)
         Camera matrix in OpenCV's convention, px.
     distortion : ndarray, shape (4,), (5,), (8,), (12,) or (14,)

@@ -28,7 +28,7 @@ def check_clicked_points(calibration: Calibration, specimen: SpecimenFile, shape
     specimen : SpecimenFile
         The specimen.
     shape : tuple of int
-        Shape of the pictures: height, width and, in colour, the number of channels.
+        Shape of the pictures: height, width and, in colour, the number of colour channels.
 
     Raises
     ------

@@ -58,5 +58,5 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the background field of a calibration in the beam frame, T, shape (2,); zero if it has none."""
+    """Return the field without a current that a calibration gives, in the beam frame, T, shape (2,); 0 by default."""
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

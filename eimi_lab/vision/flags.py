@@ -262,7 +262,7 @@ def judge(
     Parameters
     ----------
     findings : mapping of str to float
-        Measured values. The keys are those of the table (`Check.finding`).
+        Measured values, with the keys of the table (`Check.finding`).
     limits : mapping of str to float, optional
         Limits that replace limits of the table, with the same keys.
     words : mapping of str to str, optional

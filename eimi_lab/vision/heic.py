@@ -54,7 +54,8 @@ def read_heic(raw: bytes, path: Path) -> NDArray[np.uint8]:
     Returns
     -------
     ndarray of uint8, shape (H, W, 3)
-        The upright picture; the channels are blue, green, red. A picture of more than 8 bits is converted to 8 bits.
+        The upright picture; the channels are blue, green, red; H rows, W columns. A picture of more than 8 bits is
+        converted to 8 bits.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def read_image(path: Path) -> NDArray[Any]:
     Returns
     -------
     ndarray, shape (H, W) or (H, W, 3)
-        Pixels as uint8 or uint16; the channels are blue, green, red.
+        Pixels as uint8 or uint16; the channels are blue, green, red; H rows, W columns.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _is_transparent(image: NDArray[Any] | None) -> bool:
 
 
 def read_grey(path: Path) -> NDArray[Any]:
-    """Read an image file as grey values, shape (H, W), of type uint8 or uint16.
+    """Read an image file as grey values of H by W pixels, shape (H, W), of type uint8 or uint16.
 
     Of a colour image, the brightest channel is returned (see `intensity.grey`).
 

@@ -13,7 +13,7 @@ _GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compr
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
-    """Return one channel of an image; of a colour image, the brightest channel.
+    """Return one colour channel of an image; of a colour image, the brightest channel.
 
     Under a coloured back-light, the other channels contain almost only noise. A mean of the channels would hide that
     one channel is clipped.
@@ -21,7 +21,7 @@ def grey(image: ArrayLike) -> NDArray[Any]:
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, channels)
-        Grey values of any type.
+        Grey values of any type; H rows, W columns.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def grey(image: ArrayLike) -> NDArray[Any]:
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """Return an image of type uint8 or float32 with finite values, shape (H, W) or (H, W, 3).
+    """Return an image of H by W finite pixels, type uint8 or float32, shape (H, W) or (H, W, 3).
 
     Of two channels, the first channel is returned. Of more than three channels, the first three are returned. Raise
     ValueError if the array has another shape.
@@ -59,12 +59,12 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
 
 
 def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the brightest channel of an image, as `grey` does, in the number type of the image, shape (H, W)."""
+    """Return the brightest channel of an image of H by W pixels, in the number type of the image, shape (H, W)."""
     return grey(image).astype(image.dtype, copy=False)
 
 
 def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the mean of the colour channels of an image, in grey levels of the image, shape (H, W).
+    """Return the mean of the colour channels of an image of H by W pixels, in its grey levels, shape (H, W).
 
     Use this function to compare frames with each other. If two channels are about equally bright, `camera_grey` may
     choose different channels in two frames.
@@ -73,7 +73,7 @@ def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def is_coloured(image: NDArray[Any]) -> bool:
-    """Return whether the channels of an image differ by more than the rounding in a compressed file."""
+    """Return whether the colour channels of an image differ by more than the rounding in a compressed file."""
     if image.ndim == 2:
         return False
     difference = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
@@ -81,12 +81,12 @@ def is_coloured(image: NDArray[Any]) -> bool:
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """Return an image with three channels or with one channel, without a loss of colours.
+    """Return an image with three colour channels or with one channel, without a loss of colours.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The image.
+        The image; H rows, W columns.
     coloured : bool
         True for three channels. False for one channel; an image whose channels differ is then returned unchanged.
 
@@ -101,7 +101,7 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
 
 
 def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image of any bit depth and colour as grey values from 0 to 255, shape (H, W)."""
+    """Return an image of H by W pixels, of any bit depth and colour, as grey values from 0 to 255, shape (H, W)."""
     pixels = grey(image)
     return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
@@ -128,7 +128,7 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
     Parameters
     ----------
     frames : iterable of array_like, shape (H, W) or (H, W, 3)
-        Frames of one state.
+        Frames of one state; H rows, W columns.
 
     Returns
     -------
@@ -181,7 +181,7 @@ class FieldCorrection:
         Parameters
         ----------
         dark, flat : array_like, shape (H, W) or (H, W, 3), or None
-            The images in grey levels of the camera.
+            The images in grey levels of the camera; H rows, W columns.
 
         Raises
         ------

@@ -44,7 +44,7 @@ class Projection:
     Attributes
     ----------
     name : str
-        Name of a channel, or of the method that gave the weights.
+        Name of a colour channel, or of the method that gave the weights.
     weights : tuple of float
         Weights of blue, green and red, or of L, a and b.
     space : {"camera", "CIELAB"}
@@ -73,7 +73,8 @@ class Projection:
         Parameters
         ----------
         image : array_like, shape (H, W, 3) or (H, W)
-            Blue, green, red in grey levels of the camera. The values of a grey image are not changed.
+            Blue, green, red in grey levels of the camera; H rows, W columns. The values of a grey image are not
+            changed.
 
         Returns
         -------
@@ -119,7 +120,7 @@ def choose_projection(
     Parameters
     ----------
     images : iterable of ndarray, shape (H, W, 3)
-        Pictures of one dataset. The last axis is blue, green, red.
+        Pictures of one dataset; H rows, W columns. The last axis is blue, green, red.
     calibration : Calibration
         Gives the place of the beam's root.
     width_mm, length_mm : float
@@ -243,7 +244,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Convert blue, green and red from 0 to 1, shape (h, w, 3), into a colour space.
+    """Convert blue, green and red (0 to 1) of h by w pixels, shape (h, w, 3), into a colour space.
 
     L, a and b of CIELAB are scaled to about 0 to 1.
     """

@@ -31,11 +31,11 @@ def ruled_picture(
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The frame; blue, green, red.
+        The frame; blue, green, red; H rows, W columns.
     lines : sequence of ndarray, shape (n, 2)
-        Lines to draw on the frame in magenta, px of the frame.
+        Lines through n points to draw on the frame in magenta, px of the frame.
     suggested : sequence of ndarray, shape (n, 2)
-        Lines to draw on the frame in green, px of the frame.
+        Lines through n points to draw on the frame in green, px of the frame.
 
     Returns
     -------

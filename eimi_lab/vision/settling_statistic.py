@@ -42,7 +42,7 @@ class Noise:
     Attributes
     ----------
     levels : ndarray, shape (n,)
-        Grey levels in increasing order.
+        The n grey levels in increasing order.
     variances : ndarray, shape (n,)
         Variance at each level, in grey levels squared.
     """
@@ -68,10 +68,10 @@ class Noise:
         Parameters
         ----------
         earlier, later : ndarray, shape (H, W)
-            The frames.
+            The frames; H rows, W columns.
         pixels : ndarray of int, shape (n,), optional
-            Indices of the pixels to compare, in the flattened frames; by default the pixels near the edges in the later
-            frame (`edge_pixels`).
+            Indices of the n pixels to compare, in the flattened frames; by default the pixels near the edges in the
+            later frame (`edge_pixels`).
         """
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
@@ -99,7 +99,7 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     Parameters
     ----------
     frames : sequence of ndarray, shape (H, W) or (n,)
-        At least two frames, or the same pixels of at least two frames.
+        At least two frames of H rows and W columns, or the same n pixels of at least two frames.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 
 
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return whether each pixel of an image is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
+    """Return whether each of H by W pixels is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
 
     A gradient is steep if it is at least a quarter of the steepest gradient in the image. The gradients are computed
     only where the range of the grey values permits a steep gradient, because their computation takes most of the time.

@@ -78,7 +78,7 @@ def points_of_film(
     calibration : Calibration
         The calibration of the film.
     frame_s : ndarray, shape (n,)
-        Time at which the first row of each frame was exposed, s.
+        Time at which the first row of each of n frames was exposed, s.
     row_time_s : float
         Time between the exposures of two neighbouring rows, s; 0 for a global shutter.
     rows : tuple of float

@@ -79,12 +79,12 @@ class Board:
         Parameters
         ----------
         image : ndarray, shape (H, W) or (H, W, 3)
-            The image, of any bit depth.
+            The image, of any bit depth; H rows, W columns.
 
         Returns
         -------
         board_mm : ndarray, shape (n, 2)
-            Points on the board; x along the rows of the board, y down.
+            The n points on the board, mm; x along the rows of the board, y down.
         image_px : ndarray, shape (n, 2)
             The same points in the image.
 

@@ -59,7 +59,7 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The beam at rest in front of a back-light.
+        The beam at rest in front of a back-light; H rows, W columns.
     specimen : SpecimenFile
         The specimen; its width gives the scale.
     guess : Calibration
@@ -109,7 +109,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The beam in front of a back-light.
+        The beam in front of a back-light; H rows, W columns.
     specimen : SpecimenFile
         The specimen in the image.
     calibration : Calibration
@@ -147,7 +147,7 @@ def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
     """Return the direction of the first half of the beam, from +x toward +y, and its standard deviation, both in rad.
 
-    left, right: points of the two edges, shapes (n, 2) and (m, 2).
+    left, right: the n and m points of the two edges, shapes (n, 2) and (m, 2).
     """
     angles, variances = [], []
     for points in (left, right):

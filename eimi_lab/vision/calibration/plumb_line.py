@@ -54,7 +54,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The thread in front of the back-light.
+        The thread in front of the back-light; H rows, W columns.
     calibration : Calibration
         The lens and the axis.
     roughly_deg : float

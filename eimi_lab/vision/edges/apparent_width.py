@@ -25,7 +25,7 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values.
+        Grey values; H rows, W columns.
     frame : BeamFrame
         Scale, clamp and axis.
     length_mm : float

@@ -42,7 +42,7 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """A grey image, shape (H, W), in which the beam is dark; for a bright beam, the negative of the picture."""
+    """A grey image of H by W pixels in which the beam is dark; for a bright beam, the negative of the picture."""
 
     pixels: NDArray[Any]
     largest: float
@@ -110,7 +110,7 @@ class BackLitSearch:
         Parameters
         ----------
         image : array_like, shape (H, W) or (H, W, 3)
-            The image, of any bit depth.
+            The image, of any bit depth; H rows, W columns.
 
         Returns
         -------

@@ -48,7 +48,7 @@ def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam and a dark clamp.
+        Grey values with a dark beam and a dark clamp; H rows, W columns.
     frame : BeamFrame
         Clamp and axis of the calibration.
     width_mm : float

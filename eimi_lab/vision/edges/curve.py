@@ -17,7 +17,7 @@ class SmoothCurve:
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        At least four ordered points.
+        At least four points in their order along the curve; n is their number.
     pieces : int
         Desired number of intervals of the spline. With too few points, the spline has fewer intervals.
     equal : bool

@@ -120,7 +120,7 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
     Parameters
     ----------
     widths : ndarray, shape (n,)
-        Local widths from the clamp to the tip.
+        Widths of the beam at n places from the clamp to the tip.
     width, depth : float
         Width and depth of the specimen, in the unit of the widths.
     """

@@ -24,7 +24,7 @@ class EdgePoints:
     Attributes
     ----------
     points_mm : ndarray, shape (n, 2)
-        Points of the edge.
+        The n points of the edge.
     sigma_mm : ndarray, shape (n,)
         Standard deviation of each point along the normal of the edge.
     """

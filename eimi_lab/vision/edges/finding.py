@@ -59,8 +59,8 @@ def find_edges(
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, 3)
-        The image, of any bit depth. Every image is accepted. Without a beam the edges are empty, and flags give the
-        reason.
+        The image, of any bit depth; H rows, W columns. Every image is accepted. Without a beam the edges are empty, and
+        flags give the reason.
     calibration : Calibration
         Scale, clamp, axis and lens.
     specimen_file : SpecimenFile
@@ -70,7 +70,7 @@ def find_edges(
         `passes.MOST_POINTS` points, or if the profiles of neighbouring points would overlap. If the distance exceeds a
         tenth of the beam's width, further points are located to estimate the scatter, but are not returned.
     limits : mapping of str to float, optional
-        Limits that replace limits in the table of flags. The keys are those of the table (`Check.finding`).
+        Limits that replace limits in the table of quality checks, with the keys of the table (`Check.finding`).
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
@@ -80,8 +80,8 @@ def find_edges(
         is called only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is
         then used, with the flag ROOT_AMBIGUOUS.
     expected_mm : ndarray, shape (n, 2), optional
-        Centre line of the beam in an earlier picture, from the clamp outward. The search then ignores the clicked
-        points of the calibration.
+        The n points of the centre line of the beam in an earlier picture, from the clamp outward. The search then
+        ignores the clicked points of the calibration.
 
     Returns
     -------

@@ -50,7 +50,7 @@ def draw_overlay(
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, 3)
-        The frame, as for `find_edges`.
+        The frame, as for `find_edges`; H rows, W columns.
     edges : EdgeSet
         The edges and flags.
     calibration : Calibration
@@ -65,7 +65,7 @@ def draw_overlay(
     Returns
     -------
     ndarray of uint8, shape (h, w, 3)
-        Blue, green, red.
+        The picture of h rows and w columns; blue, green, red.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def draw_overlay(
 
 
 def in_colour(image: ArrayLike) -> NDArray[np.uint8]:
-    """Convert an image of any bit depth, shape (H, W) or (H, W, 3), to uint8 with three colours, shape (H, W, 3)."""
+    """Convert an image of H by W pixels, grey or in colour, of any bit depth, to colours of 8 bits, shape (H, W, 3)."""
     pixels = np.asarray(image)
     if pixels.ndim != 3:
         return np.asarray(cv2.cvtColor(eight_bit(image), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
@@ -158,7 +158,7 @@ def contact_sheet(
     Parameters
     ----------
     pictures : sequence of ndarray of uint8, shape (h, w, 3)
-        The pictures. Large pictures are reduced.
+        The pictures, each of h rows and w columns. Large pictures are reduced.
     captions : sequence of str
         The captions, each above its picture.
     size_px : tuple of int
@@ -167,7 +167,7 @@ def contact_sheet(
     Returns
     -------
     ndarray of uint8, shape (H, W, 3)
-        The sheet, with the same order of colours as in the pictures.
+        The sheet, with the same order of colours as in the pictures; H rows, W columns.
     """
     wide, high = size_px
     columns = max(1, math.ceil(math.sqrt(len(pictures))))

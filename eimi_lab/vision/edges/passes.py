@@ -170,7 +170,7 @@ def first_pass(
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     silhouette : Silhouette
         The outline of the beam and the corners of its tip, accurate to about a pixel.
     hand : float
@@ -227,7 +227,7 @@ def second_pass(
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     first : PassResult
         Result of `first_pass`.
     corners_px : ndarray, shape (4, 2)
@@ -306,7 +306,7 @@ def _locate(
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     curves : sequence of SmoothCurve
         One curve for each side of the outline.
     arc_lengths : sequence of (ndarray, int)
@@ -314,7 +314,7 @@ def _locate(
     outward : sequence of float
         For each curve, +1 if its clockwise side is bright, else -1.
     stations_px : ndarray, shape (m,)
-        Distances along a normal at which grey values are read, positive outward.
+        The m distances along a normal at which grey values are read, positive outward.
     blur_px : float
         Initial value of the blur in the fit.
     fewest : int

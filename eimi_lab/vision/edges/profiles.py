@@ -28,7 +28,7 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, channels)
-        The image.
+        The image; H rows, W columns.
     points_px : ndarray, shape (..., 2)
         Coordinates x, y of the points.
 
@@ -81,11 +81,11 @@ def read_profiles(
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, channels)
-        The image.
+        The image; H rows, W columns.
     points_px, normals : ndarray, shape (n, k, 2)
         Origins and unit directions of the k lines of each of n profiles.
     stations_px : ndarray, shape (m,)
-        Distances from the origin along the lines at which grey values are read.
+        The m distances from the origin along the lines at which grey values are read.
 
     Returns
     -------
@@ -109,13 +109,13 @@ def read_profiles(
 class Cover:
     """The silicone between the edge of the beam and a narrower magnet, on k sides of the magnet.
 
-    The edge of the magnet causes a second step in those of the n profiles that cross the magnet.
+    The edge of the magnet causes a second step of the grey value in each profile that crosses the magnet.
 
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        For each profile, the index from 0 to k - 1 of the side whose silicone the profile crosses; -1 for a profile
-        that does not cross the magnet.
+        For each of n profiles, the index from 0 to k - 1 of the side whose silicone the profile crosses; -1 for a
+        profile that does not cross the magnet.
     width_px : ndarray, shape (k,)
         Prior mean of the width of the silicone on each side.
     tolerance_px : ndarray, shape (k,)
@@ -187,7 +187,7 @@ def fit_steps(
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Distances along the normals at which the grey values were read.
+        The m distances along the normals at which the grey values were read.
     profiles : ndarray, shape (n, m)
         Grey values of the n profiles, from the dark to the bright side of the edge.
     blur_px : float
@@ -359,7 +359,7 @@ def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
 
 
 def _inverse(normal: Array) -> Array:
-    """Return the inverses of normal matrices (n, 3, 3).
+    """Return the inverses of n normal matrices, shape (n, 3, 3).
 
     A small term on the diagonal keeps the inverses of flat profiles finite.
     """
@@ -381,8 +381,9 @@ def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray
 
     A profile with a larger residual, for example due to dirt on the edge, must not determine the blur. Profiles beside
     a magnet have two grey-value steps and large residuals until both steps are fitted, but must determine the width of
-    the silicone. residuals: measured minus fitted grey values of n profiles, shape (n, m). step: height of the step of
-    each profile, shape (n,). group: index of the side of the magnet that a profile crosses, else -1, shape (n,).
+    the silicone. residuals: measured minus fitted values at m points of each of n profiles, shape (n, m). step: height
+    of the step of each profile, shape (n,). group: index of the side of the magnet that a profile crosses, else -1,
+    shape (n,).
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

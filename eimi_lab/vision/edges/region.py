@@ -35,7 +35,7 @@ class Region:
     digest: str
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the part of an image, shape (H, W) or (H, W, 3), that lies inside the rectangle."""
+        """Return the part of an image, grey or in colour, that lies inside the rectangle."""
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
@@ -52,7 +52,7 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     calibration : Calibration
         The calibration of the whole picture.
     shape : tuple of int
-        Shape of the pictures: height, width and, in colour, the number of channels.
+        Shape of the pictures: height, width and, in colour, the number of colour channels.
 
     Returns
     -------

@@ -36,7 +36,7 @@ def estimate_gamma(
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Distances along the normals at which the grey values were read.
+        The m distances along the normals at which the grey values were read.
     profiles : ndarray, shape (n, m)
         Grey values of n profiles across the edges; larger grey values mean more light.
     offset_px : ndarray, shape (n,)

@@ -51,7 +51,7 @@ class Silhouette:
     Attributes
     ----------
     outline_px : ndarray, shape (n, 2)
-        Points about a pixel apart.
+        The n points of the outline, about a pixel apart.
     corners : tuple of int, optional
         Indices of the tip's left and right corners in the outline; None if there is no pair of corners.
     turn_deg : float
@@ -81,7 +81,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     frame : BeamFrame
         The map between millimetres and pixels.
     width_mm : float
@@ -147,7 +147,7 @@ def find_silhouette(
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     frame : BeamFrame
         The map between millimetres and pixels.
     clamp : ClampLine
@@ -205,8 +205,8 @@ def find_silhouette(
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
     """Return the part of a closed contour of the beam that lies outside the clamp, from the left to the right edge.
 
-    contour: points of the contour, px, shape (n, 2). The result has the shape (k, 2), with k = 0 if no point or every
-    point of the contour lies outside the clamp.
+    contour: the n points of the contour, px, shape (n, 2). The result has the shape (k, 2), with k = 0 if no point or
+    every point of the contour lies outside the clamp.
     """
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():

@@ -130,7 +130,7 @@ class StatedShape:
     def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
         """Return the distance of each of the n points of an edge from the clamp, along the edge, mm, shape (n,).
 
-        The parameters are those of `near_step`.
+        The parameters are the same as in `near_step`.
         """
         path = np.vstack([clamp[side : side + 1], edge])
         scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm

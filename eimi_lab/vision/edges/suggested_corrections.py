@@ -42,7 +42,7 @@ class SuggestedCorrection:
     words : str
         The suggestion: the end of a sentence that begins with "no beam was found;".
     edges_px : tuple of ndarray, shape (n, 2)
-        The points of both edges that were located with the suggested value, px; empty if no value is suggested.
+        For each edge, the n points that were located with the suggested value, px; empty if no value is suggested.
     """
 
     words: str
@@ -65,7 +65,7 @@ def suggest_correction(
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        The image.
+        The image; H rows, W columns.
     calibration : Calibration
         The calibration with which no beam was found.
     specimen : SpecimenFile

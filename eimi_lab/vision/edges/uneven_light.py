@@ -29,7 +29,7 @@ def light_along(
     Parameters
     ----------
     image : ndarray, shape (H, W)
-        Grey values with a dark beam.
+        Grey values with a dark beam; H rows, W columns.
     points_px, normals : ndarray, shape (n, k, 2)
         Origins and unit directions of the k lines of each profile, as in `read_profiles`.
     stations_px : ndarray, shape (m,)

@@ -71,8 +71,8 @@ class Strip:
     step_px : float
         Distance between neighbouring points.
     variance : float
-        Variance of a colour, summed over the channels. Colours that differ by less than three standard deviations count
-        as equal.
+        Variance of a colour, summed over the colour channels. Colours that differ by less than three standard
+        deviations count as equal.
     rival : float
         Score (sum of the gains) of the best strip along another body, divided by the score of this strip. The ratio is
         1 or more if an earlier picture decided between the two bodies.

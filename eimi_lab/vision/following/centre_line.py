@@ -32,7 +32,7 @@ class CentreLine:
     Attributes
     ----------
     points : ndarray, shape (n, 2)
-        Points of the line from the clamp outward, equally spaced, px.
+        The n points of the line from the clamp outward, equally spaced, px.
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
@@ -103,7 +103,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     ahead : ndarray, shape (2,)
         Unit vector of the beam at its clamp.
     clicks_px : ndarray, shape (n, 2)
-        The clicked points, from the clamp outward.
+        The n clicked points, from the clamp outward.
 
     Returns
     -------
@@ -128,8 +128,8 @@ def carried_line(middle_px: Array) -> CentreLine:
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
     """Return the clamp and the clicked points, px, without the first clicked points that are within 20 px of the clamp.
 
-    The clamp has the shape (2,), the clicked points have the shape (n, 2), and the result has the shape (1 + k, 2) with
-    k <= n. The last clicked point is always kept.
+    The clamp has the shape (2,), the n clicked points have the shape (n, 2), and the result has the shape (1 + k, 2)
+    with k <= n. The last clicked point is always kept.
     """
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1
@@ -142,7 +142,7 @@ def _merged(corners: Array) -> Array:
     Each clicked point may lie 10 px beside the beam. The direction of a line through two points that are less than 40
     px apart is therefore arbitrary, and the line may turn back.
 
-    corners: the clamp, followed by the clicked points, shape (n, 2).
+    corners: the clamp, followed by n - 1 clicked points, shape (n, 2).
     """
     groups: list[list[Array]] = []
     for place in corners[1:]:

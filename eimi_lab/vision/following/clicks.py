@@ -26,7 +26,7 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     followed : FollowedBeam
         The result of following the beam.
     clicks : ndarray, shape (n, 2)
-        The clicked points, px.
+        The n clicked points, px.
     width_px : float
         Nominal width of the beam.
 

@@ -58,9 +58,10 @@ def find_colour_seams(
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     edge : ndarray, shape (2, n)
-        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam, in nominal widths.
+        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam at n stations (places)
+        along the beam, in nominal widths.
     noise : float
-        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
         For each pass, the expected standard deviation between an edge and the same edge in the previous pass, in
         nominal widths.

@@ -43,7 +43,7 @@ class ColourProjection:
     separation : ndarray, shape (n,)
         Distance between the mean colours inside and outside, in standard deviations of the projected colour.
     weight : ndarray, shape (n, channels)
-        Weight of each channel.
+        Weight of each colour channel.
     level : ndarray, shape (n,)
         Weighted sum of the mean outside colour: colour · weight - level is 0 outside and 1 inside.
     step : ndarray, shape (n, channels)
@@ -78,7 +78,7 @@ def project(
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
-        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     shadowless : bool
         Whether to use only projections in which the outside colour and all its multiples have the same value. A picture
         with one channel has no such projection.

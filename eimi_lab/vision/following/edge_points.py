@@ -52,7 +52,7 @@ class StripEdges:
     Attributes
     ----------
     points : ndarray, shape (n, 2)
-        Edge points.
+        The n edge points.
     sigma : ndarray, shape (n,)
         Standard deviation of each point along the normal of the edge.
     along : ndarray, shape (n,)
@@ -80,7 +80,7 @@ def locate_edge(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255.
+        Grey values on a scale from 0 to 255; H rows, W columns.
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     sides : Sides
@@ -171,7 +171,7 @@ class _Edge:
         """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
 
         The projected colour is about 0 inside the beam and 1 outside. `u` contains m distances along a normal, px. The
-        other parameters are those of `fitted`.
+        other parameters are the same as in `fitted`.
         """
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
@@ -181,7 +181,7 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return by how much the slope of the light changes the n profiles of `_profiles`, shape (n, m).
+        """Return by how much the slope of the light changes the n profiles of m points, shape (n, m).
 
         Shading, uneven light and shadows cause slopes on both sides of an edge. The slope on each side is measured
         outside the blur of the edge, as the median over neighbouring profiles. The slope begins at the edge, and is
@@ -206,7 +206,7 @@ class _Edge:
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
     """Fit a straight line to each of n profiles; return the slopes, shape (n,), and the RMS residuals, shape (n,).
 
-    profiles: shape (n, m). places: the distances along the profiles, px, shape (m,).
+    profiles: shape (n, m). places: the m distances along the profiles, px, shape (m,).
     """
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
@@ -238,7 +238,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        Points of one edge, in order.
+        The n points of one edge, in order.
     sensitivity : ndarray, shape (n,)
         Standard deviation of each point, up to a factor that all points share.
 

@@ -82,7 +82,7 @@ class FollowedBeam:
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """The reliable points of the left and of the right edge, px, each of shape (n, 2); empty without edges.
+        """The n reliable points of the left and of the right edge, px, each of shape (n, 2); empty without edges.
 
         The points are accurate to a twentieth of the beam's width.
         """
@@ -104,7 +104,7 @@ def follow(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255. Every image is accepted.
+        Grey values on a scale from 0 to 255; H rows, W columns. Every image is accepted.
     beam : StatedBeam
         Clamp, axis, width and length in pixels.
     spacing_px : float

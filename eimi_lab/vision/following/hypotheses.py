@@ -53,11 +53,11 @@ class Hypotheses:
     template : ndarray, shape (n, 9, channels)
         Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
     tolerance : ndarray, shape (n,)
-        Variance of a colour near the clamp, summed over the channels. Colours that differ by less than three standard
-        deviations count as equal.
+        Variance of a colour near the clamp, summed over the colour channels. Colours that differ by less than three
+        standard deviations count as equal.
     variance : ndarray, shape (n,)
-        Smallest variance of a colour since the clamp, summed over the channels, with which the steps at the sides of
-        the strip are compared.
+        Smallest variance of a colour since the clamp, summed over the colour channels, with which the steps at the
+        sides of the strip are compared.
     score : ndarray, shape (n,)
         Sum of the gains of all search steps. A gain is the evidence for the beam, less the costs of bends.
     """
@@ -100,7 +100,7 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the colours of a picture at given points by bilinear interpolation, shape (n, m, channels).
+    """Return the colours of a picture at n by m points by bilinear interpolation, shape (n, m, channels).
 
     x, y: coordinates of the points, px, shape (n, m). The coordinates are rounded to 1/32 px. Beyond the border of the
     picture the colours of the border are used.
@@ -112,10 +112,10 @@ def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def least_variance(picture: WorkingPicture) -> float:
-    """Return the smallest variance that is assumed for a colour, summed over the channels.
+    """Return the smallest variance that is assumed for a colour, summed over the colour channels.
 
-    The standard deviation of a channel is at least two grey levels, at least twice the noise, and at least a fortieth
-    of the range of grey levels in the picture.
+    The standard deviation of a colour channel is at least two grey levels, at least twice the noise, and at least a
+    fortieth of the range of grey levels in the picture.
     """
     return picture.pixels.shape[2] * max(2.0, 2.0 * picture.noise, 0.025 * picture.span) ** 2
 
@@ -132,7 +132,7 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
     colours : ndarray, shape (..., 15, channels)
         Colours at 15 points across each strip, as `read_across` returns them.
     variance : ndarray, shape (...)
-        Variance of a colour, summed over the channels.
+        Variance of a colour, summed over the colour channels.
 
     Returns
     -------
@@ -172,7 +172,8 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
     The result is d² / (9 variance), at most 2. d² is the squared colour difference, averaged over nine points inside.
 
     colours: colours at 15 points across each strip, shape (..., 15, channels). template: remembered colours at nine
-    points inside, shape (..., 9, channels). variance: variance of a colour, summed over the channels, shape (...).
+    points inside, shape (..., 9, channels). variance: variance of a colour, summed over the colour channels, shape
+    (...).
     """
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
@@ -185,7 +186,7 @@ def updated_templates(
     """Return the remembered colours and the variances of strips after another step of the search.
 
     A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
-    colours count as equal. A variance moves by 12 % toward the variance of the present colours if the latter is
+    colours count as equal. A variance moves by 12 % toward the variance of the present colours, if this variance is
     smaller. The search begins at the clamp, where a clip, a tape or glue may have more colours than the beam. The
     variance never increases, so that the edges remain clear behind a body that crosses the beam.
 

@@ -23,7 +23,7 @@ def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBe
 def in_255(image: ArrayLike) -> NDArray[np.float32]:
     """Return an image of any bit depth as float32 values from 0 to 255, shape (H, W, channels).
 
-    image: shape (H, W) or (H, W, 3).
+    image: H by W pixels, shape (H, W) or (H, W, 3).
     """
     pixels = np.asarray(image)
     pixels = np.ascontiguousarray(pixels[..., None] if pixels.ndim == 2 else pixels[..., :3], dtype=np.float32)

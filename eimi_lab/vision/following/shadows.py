@@ -51,7 +51,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     colour_seams : Seams
         Both edges, located in projections (weighted sums) of all colours.
     noise : float
-        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
 
     Returns
     -------

@@ -81,7 +81,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     noise : float
-        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     length : float
         Nominal length of the beam, in nominal widths.
     clicked : float
@@ -121,7 +121,7 @@ def sure_share(sound: Mask) -> dict[str, float]:
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable ("sure") at each station.
+        Whether each edge is reliable ("sure") at each of n stations.
 
     Returns
     -------

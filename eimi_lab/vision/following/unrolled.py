@@ -35,9 +35,9 @@ class ColourBins:
     Attributes
     ----------
     index : ndarray of int, shape (n, m)
-        Bin of each colour of the picture.
+        Bin of the colour at each of n by m points of the picture.
     shape : tuple of int
-        Number of bins in each channel.
+        Number of bins in each colour channel.
     """
 
     index: NDArray[np.int64]
@@ -45,7 +45,7 @@ class ColourBins:
 
     @property
     def total(self) -> int:
-        """Number of bins over all channels."""
+        """Number of bins over all colour channels."""
         return math.prod(self.shape)
 
 

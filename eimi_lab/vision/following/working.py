@@ -42,7 +42,7 @@ class WorkingPicture:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of the noise of a channel, in grey levels."""
+        """Standard deviation of the noise of a colour channel, in grey levels."""
         return _noise(self.pixels)
 
     @cached_property
@@ -66,7 +66,7 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255.
+        Grey values on a scale from 0 to 255; H rows, W columns.
     beam : StatedBeam
         Nominal place and size of the beam in the image.
     width_px : float
@@ -94,7 +94,7 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 
 
 def _noise(pixels: NDArray[np.float32]) -> float:
-    """Estimate the standard deviation of the noise of a channel, in grey levels.
+    """Estimate the standard deviation of the noise of a colour channel, in grey levels.
 
     The estimate is computed from second differences along the rows of second differences along the columns, which
     hardly contain smooth changes of the light (J. Immerkær, "Fast noise variance estimation", Computer Vision and Image

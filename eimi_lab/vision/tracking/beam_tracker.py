@@ -63,7 +63,7 @@ class BeamTracker:
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
-        A frame of the recording, in which the search begins.
+        A frame of the recording, in which the search begins; H rows, W columns.
     edges : EdgeSet
         The edges of the beam in this frame.
     frame : BeamFrame
@@ -76,7 +76,7 @@ class BeamTracker:
     Attributes
     ----------
     along_mm : ndarray, shape (p,)
-        Arc lengths at which the beam is followed.
+        The p arc lengths at which the beam is followed.
 
     Raises
     ------
@@ -163,7 +163,7 @@ class BeamTracker:
         return beam
 
     def _grey(self, image: NDArray[Any], widths: float) -> NDArray[Any]:
-        """Return the grey values of a frame, shape (H, W).
+        """Return the grey values of a frame of H by W pixels, shape (H, W).
 
         Of an 8-bit colour frame, only the part near the beam is converted. `widths` is the distance from the beam up to
         which the frame is searched, in beam widths.
@@ -281,6 +281,6 @@ def _across(points: Array, places: Array, normals: Array) -> Array:
 def _nearest(line: Array, places: Array) -> Array:
     """Return, for each of n points, the nearest point of a line, shape (n, 2).
 
-    line: points of the line, shape (m, 2). places: the n points, shape (n, 2).
+    line: the m points of the line, shape (m, 2). places: the n points, shape (n, 2).
     """
     return np.asarray(line[((places[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)])

@@ -34,10 +34,10 @@ class SteadyView:
     Parameters
     ----------
     reference : ndarray, shape (H, W) or (H, W, 3)
-        The reference frame.
+        The reference frame; H rows, W columns.
     outline_px : ndarray, shape (n, 2)
-        A polygon around the moving part of the reference frame, px. Corners (textured points that are followed from
-        frame to frame) inside the polygon are not used.
+        The n corners of a polygon around the moving part of the reference frame, px. Textured points (which are
+        followed from frame to frame) inside the polygon are not used.
 
     Attributes
     ----------

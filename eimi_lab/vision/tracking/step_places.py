@@ -38,7 +38,7 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        Evenly spaced coordinates along the profiles, increasing outward.
+        The m evenly spaced coordinates along the profiles, increasing outward.
     profiles : ndarray, shape (n, m)
         Grey values of the n profiles.
 
@@ -72,7 +72,7 @@ def band_shifts(
     Parameters
     ----------
     profiles : ndarray, shape (n, m)
-        Grey values at every pixel across the beam.
+        Grey values at m pixels across the beam, for n profiles.
     stations_px : ndarray, shape (m,)
         Coordinates along the profiles, one pixel apart.
     half_px : ndarray, shape (n,)
