@@ -102,7 +102,7 @@ def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> Coil
     currents_A : list of float
         The currents, A, in the order of the measurement.
     on_event : OnEvent
-        Receives warnings, and the events about switching the coil off.
+        Receives warnings, and the events (records of what happened) about switching the coil off.
 
     Returns
     -------

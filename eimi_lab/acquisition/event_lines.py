@@ -62,7 +62,7 @@ def _finite(value: Any) -> Any:
 
 
 class EventLines:
-    """A listener that writes events as lines of JSON to a file descriptor.
+    """A function that writes events (records of what happened in a run) as lines of JSON to a file descriptor.
 
     A separate thread writes the lines, so that the sender of an event never waits. After `finish` this thread closes
     the descriptor.
@@ -96,6 +96,8 @@ class EventLines:
 @contextmanager
 def sending_events(listener: OnEvent, descriptor: int | None) -> Iterator[OnEvent]:
     """Yield a function that sends an event to `listener` and writes the event as a line of JSON.
+
+    An event is a record of one thing that happened in a run.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ The thread of the run calls the listener, with three exceptions. Another thread 
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing with an event. This function is the listener of a run whose events nobody needs."""
+    """Do nothing with an event (a record of what happened). This function is used if nobody needs the events."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,7 +300,7 @@ def off_confirmed(
     address: str = "",
     remark: str = "",
 ) -> OffConfirmed:
-    """Return the event for a coil that is off.
+    """Return the event (the record of what happened) for a coil that is off.
 
     Parameters
     ----------

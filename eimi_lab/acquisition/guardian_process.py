@@ -88,7 +88,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     ward : Ward
         The supply of the coil: its driver, address, limits and identity.
     on_event : OnEvent
-        Receives the events of the guardian process.
+        Receives the events (records of what happened) of the guardian process.
     """
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
@@ -345,7 +345,7 @@ def _say(message: bytes) -> None:
 
 
 def _print(event: Event) -> None:
-    """Print the sentence for an event on standard error."""
+    """Print the sentence for an event (a record of what happened) on standard error."""
     if not isinstance(event, GuardianTookOver):
         with suppress(OSError):  # the terminal may be gone with the run
             print(f"eimi guardian: {in_words(event)}", file=sys.stderr)

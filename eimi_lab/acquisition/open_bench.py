@@ -89,7 +89,7 @@ def open_bench(
         Receives a warning if the camera or a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
         File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
-        as lines of JSON. The guardian always prints its events on standard error too.
+        (records of what happened) as lines of JSON. The guardian always prints its events on standard error too.
     rate_Hz : float or None
         Frame rate of the camera, Hz, if the rig file gives no frame rate.
 

@@ -58,7 +58,7 @@ def open_coil(
         Receives a warning if a sensor cannot be closed. By default the warning is printed.
     guardian_events : int or None
         File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
-        as lines of JSON. None writes no events.
+        (records of what happened) as lines of JSON. None writes no events.
 
     Yields
     ------

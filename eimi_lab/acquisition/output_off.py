@@ -28,7 +28,7 @@ def begin_with_output_off(
     simulated : bool
         Whether the supply is simulated. If the output of a simulated supply is off, no current is measured.
     on_event : OnEvent
-        Receives the events about switching the coil off.
+        Receives the events (records of what happened) about switching the coil off.
 
     Raises
     ------

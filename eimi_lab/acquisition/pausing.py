@@ -31,7 +31,7 @@ class Pauses:
     typed : callable
         Returns the next line that a person typed; None if no line was typed.
     on_event : OnEvent
-        Receives the events of the pause.
+        Receives the events (records of what happened) of the pause.
 
     Attributes
     ----------

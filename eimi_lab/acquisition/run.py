@@ -138,7 +138,7 @@ def acquire(
     path : Path
         The dataset to write.
     on_event : OnEvent
-        Receives the events of the run.
+        Receives the events (records of what happened) of the run.
     force : bool
         Whether an existing dataset is replaced.
     resume : bool
@@ -260,7 +260,7 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data from which the last event of a run is made.
+    """The data from which the last event (a record of what happened) of a run is made.
 
     `path` is the path of the dataset, `states` the number of states (load steps) in the protocol and `stored` the
     number of states in the dataset. After the writer of the dataset was opened, `writer` is set, and gives the path and
@@ -274,7 +274,7 @@ class _Ending:
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
-        """Return the last event of the run, with the number of states (load steps) in the dataset."""
+        """Return the last event (record) of the run, with the number of states (load steps) in the dataset."""
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
         return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
 
@@ -301,8 +301,9 @@ def _run_begun(
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
     """Send the first and the last event of a run, and yield a function that sends the events between them.
 
-    All events go to the log and to the listener `on_event`. The event `begun` is sent first. At the end of the context,
-    `ending` gives the last event. After an error, a `Fault` is sent before the last event.
+    An event is a record of one thing that happened. All events go to the log and to the function `on_event`. The event
+    `begun` is sent first. At the end of the context, `ending` gives the last event. After an error, a `Fault` is sent
+    before the last event.
     """
 
     def send(event: Event) -> None:

@@ -33,8 +33,8 @@ class Stepping:
     """A run in progress: its files, its open instruments, its writer and its clock.
 
     `noise` is the noise of the camera. `began_s` is the time on the clock (s) at which the run began; for a resumed
-    run, the time at which its first part began. `on_event` receives the events. `guardian` is None for a simulated
-    supply.
+    run, the time at which its first part began. `on_event` receives the events (records of what happened). `guardian`
+    is None for a simulated supply.
     """
 
     protocol: Protocol

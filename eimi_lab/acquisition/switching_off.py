@@ -194,7 +194,7 @@ def switching_off(
         Passes the calls of the instruments and of the writer of the dataset to this run, so that a signal can end their
         long operations.
     on_event : OnEvent
-        Receives the events of signals and of switching off.
+        Receives the events (records of what happened) of signals and of switching off.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def ramp_down_and_switch_off(
     go_on_down : callable
         Called between the steps of the ramp. An exception in this function ends the ramp early.
     on_event : OnEvent
-        Receives the events about switching the coil off.
+        Receives the events (records of what happened) about switching the coil off.
 
     Raises
     ------
@@ -273,7 +273,7 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch the coil off, send the events about the result, and tell the guardian process that the coil is off.
+    """Switch the coil off, report the result as events, and tell the guardian process that the coil is off.
 
     Parameters
     ----------

@@ -198,7 +198,7 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
     entry
         The HDF5 group `entry`, which contains the whole dataset.
     name
-        Name of the recording.
+        Name of the recording, such as "ring_down".
     states
         Number of completely stored states (load steps). Frames of later states are not read.
     only

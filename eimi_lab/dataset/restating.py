@@ -39,8 +39,8 @@ def restate(
     path
         The dataset.
     specimen, calibration
-        The new files; None to keep the stored specimen or calibration. A new calibration may leave out the keys of
-        `config.calibration.PLACES`, which then keep their stored values.
+        The new files; None to keep the stored specimen or calibration. A new calibration may leave out the place and
+        the direction of the beam (`config.calibration.PLACES`), which then keep their stored values.
     changes
         New values for keys of the calibration. They have priority over the values of the file ``calibration``.
 

@@ -71,7 +71,7 @@ class VirtualCamera:
     mT_per_A
         Coil constant: the field at the magnet for each ampere, mT/A.
     virtual
-        The table [virtual] of the rig.
+        The table [virtual] of the rig file: the parameters of the simulation.
     background_mT
         Field along the axis of the coil that is present without a current, mT.
     frame_rate_Hz
@@ -294,9 +294,10 @@ def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
 
 
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
-    """Create a camera that sees a specimen in a coil.
+    """Create a simulated camera that sees a specimen in a coil.
 
-    Raises InputError if the rig has no table [virtual], or if this table does not define the material of the specimen.
+    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if this table does
+    not define the material of the specimen.
     """
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
     material = _material(virtual, specimen)

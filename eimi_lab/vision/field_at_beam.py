@@ -47,7 +47,7 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
     Raises
     ------
     InputError
-        See `in_stated_field`.
+        If a loop of the coil passes through the beam, or if the map of the measured field does not cover the magnet.
     """
     if calibration.field is None or not calibration.field.is_uneven:
         return None

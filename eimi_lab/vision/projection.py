@@ -1,16 +1,16 @@
 """Convert the colours of pictures to grey values. All pictures of a dataset are converted with the same weights.
 
 The projection is linear in the camera's colours or in the coordinates of the colour space CIELAB. Fisher's linear
-discriminant maximises the difference between the root of the beam (index in) and its surroundings (index out), relative
-to the scatter of the colours:
+discriminant maximises the difference between the beam at its clamp (index in) and the surroundings of the beam (index
+out), relative to the scatter of the colours:
 
     w = C⁻¹ (m_in - m_out),
 
 with the weights w, the median colours m, averaged over the pictures, and the mean covariance C of the colours inside
 and outside (R. A. Fisher, "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179).
 
-The discriminant is used only if it separates root and surroundings at least 1.25 times as well as the best single
-channel. Otherwise this channel is used. A person may also choose the channel.
+The discriminant is used only if it separates beam and surroundings at least 1.25 times as well as the best single
+colour channel. Otherwise this channel is used. A person may also choose the channel.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _CAUTIOUS = 20  # percentile of the separations over both sides in all pictures
 
 @dataclass(frozen=True)
 class Projection:
-    """A projection of the three colour values of a pixel to one grey value, which is their weighted sum.
+    """A projection of the three colour values of a pixel to one grey value, the weighted sum of the three values.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Projection:
     space : {"camera", "CIELAB"}
         Colour space of the weights: blue, green, red of the camera, or L, a, b.
     separation : float
-        Difference between the grey values of the beam's root and of its surroundings, in standard deviations; 0 if it
-        was not measured.
+        Difference between the grey values of the beam's root (its part at the clamp) and of its surroundings, in
+        standard deviations; 0 if it was not measured.
 
     Examples
     --------
@@ -113,9 +113,9 @@ def choose_projection(
 ) -> Projection:
     """Choose the weights that convert colours to grey values so that the beam differs most from its surroundings.
 
-    The beam and its surroundings are compared at the root of the beam. If `calibration.picture.channel` is given, this
-    channel is chosen. If `calibration.picture.beam_colour` is given, this colour replaces the measured colours of the
-    root.
+    The beam and its surroundings are compared at the root of the beam (its part at the clamp). If
+    `calibration.picture.channel` is given, this channel is chosen. If `calibration.picture.beam_colour` is given, this
+    colour replaces the measured colours of the root.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def cantilever_modes(share: Array) -> Array:
 
 
 def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
-    """Return the amplitudes of the cantilever modes in each frame of a motion.
+    """Return the amplitudes of the cantilever modes in each frame of a motion (positions of points over time).
 
     In each frame, the sum of the modes times their amplitudes is fitted to the deflections of the points by least
     squares. The deflection of a point is its coordinate y minus the mean of y over all frames.
@@ -83,7 +83,9 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
 
 
 def tip_angles_deg(motion: Motion) -> Array:
-    """Return the rotation of the tip in each of the n frames of a motion, relative to the undeformed beam.
+    """Return the rotation of the beam's tip in each of the n frames of a recorded motion.
+
+    The rotation is relative to the undeformed beam.
 
     The direction of the tip is the direction of the line through the two points that are farthest from the clamp.
 

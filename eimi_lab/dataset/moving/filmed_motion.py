@@ -115,7 +115,7 @@ class VideoMotions:
 def read_video_motions(
     path: Path, calibration: Calibration, specimen: SpecimenFile, facts: MotionFacts, *, is_clicked: bool = False
 ) -> VideoMotions:
-    """Measure the motions of the beam in a video.
+    """Measure the motions (positions of points over time) of the beam in a video.
 
     The beam is first searched in a frame near the end, in which it is assumed to be at rest. Then it is followed from
     the first frame. If the camera moved, this movement is removed from the frames. Notes about the result are printed

@@ -1,4 +1,4 @@
-"""Read motions of the beam from a table of tracked points, which has one row for each point of each frame.
+"""Read motions of the beam (positions of points over time) from a table with one row for each point of each frame.
 
 The positions are in mm: x along the straight beam from the clamp, and y across the beam.
 """

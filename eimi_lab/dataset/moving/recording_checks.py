@@ -1,4 +1,4 @@
-"""Checks of recorded motions: for lost frames, and for a camera that was slower than the protocol requires."""
+"""Checks of recorded motions of the beam: for lost frames, and for a camera slower than the protocol requires."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ SLOW = Check(
 
 
 def flag_names(motion: Motion) -> tuple[str, ...]:
-    """Return the names of the defects (flags) of a recorded motion; empty if no frame of the recording was lost."""
+    """Return the names of the defects (flags) of a recorded motion of the beam; empty if no frame was lost."""
     return (LOST.name,) if motion.lost_frames else ()
 
 
 def flagged_lines(motions: Sequence[Motion]) -> list[str]:
-    """Return a line of text for each motion with lost frames: its name, the number of lost frames, and the flag.
+    """Return a line of text for each recorded motion of the beam in which frames were lost.
+
+    The line consists of the name of the motion, the number of lost frames, and the flag (name of the defect).
 
     Examples
     --------
@@ -49,7 +51,7 @@ def flagged_lines(motions: Sequence[Motion]) -> list[str]:
 
 
 def recordings_in_words(motions: Sequence[Motion]) -> str:
-    """Return a text with the numbers of recorded motions, of their frames, and of lost frames.
+    """Return a text with the number of recorded motions of the beam, of their frames, and of lost frames.
 
     Examples
     --------

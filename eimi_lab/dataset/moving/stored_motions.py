@@ -73,9 +73,9 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
 
 
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
-    """Return the stored motions of one kind in the order in which they were recorded; empty if there are none.
+    """Return the stored motions of the beam of one kind, in the order of recording; empty if there are none.
 
-    `entry` is the HDF5 group with the whole dataset. `kind` is "ring_down" or "creep".
+    `entry` is the HDF5 group with the whole dataset. `kind` is "ring_down" (free oscillation) or "creep".
     """
     store = entry.get(GROUPS[kind], {})
     return tuple(_read(store[str(number)], kind) for number in range(len(store)))

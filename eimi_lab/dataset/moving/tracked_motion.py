@@ -1,4 +1,4 @@
-"""Read motions from the file of a tracking program."""
+"""Read motions (positions of points over time) from the file of a tracking program."""
 
 from __future__ import annotations
 

@@ -22,8 +22,7 @@ def lookup3(block: bytes) -> int:
 def _words(blocks: NDArray[np.uint8]) -> Words:
     """Convert m blocks of n bytes, shape (m, n), into m rows of k words, shape (m, k).
 
-    A word is a little-endian number of 32 bits. Each block is padded with zeros to a multiple of 12 bytes, which are 4
-    k bytes.
+    A word is a little-endian number of 32 bits. Each block is padded with zeros to 4 k bytes, a multiple of 12.
     """
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)

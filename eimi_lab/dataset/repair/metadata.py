@@ -44,7 +44,7 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature of a block that differs from `content` (4 bytes) by at most one bit.
+    """Return the signature (first four bytes) of a block that differs from `content` (4 bytes) by at most one bit.
 
     None is returned if there is no such signature. `pattern` is the regular expression that lists all signatures.
     """
@@ -118,7 +118,7 @@ def _header_length(head: bytes) -> int:
 def _width_at(head: bytes) -> int:
     """Return the position (bytes) of the field that contains the length of an object header.
 
-    ``head`` contains the first bytes of the header.
+    An object header is HDF5's description of one group or array. ``head`` contains the first bytes of the header.
     """
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
@@ -126,7 +126,8 @@ def _width_at(head: bytes) -> int:
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
     """Yield the position in the file and the length of each continuation block of an object header.
 
-    ``messages`` contains the bytes of the messages in the header, and ``flags`` is the byte of the header's flags.
+    An object header, HDF5's description of one group or array, consists of messages. ``messages`` contains the bytes of
+    the messages in the header, and ``flags`` is the byte of the header's flags.
     """
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):
@@ -170,7 +171,7 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """Return the possible lengths of the block of metadata at the position `at`, which has the given signature.
+    """Return the possible lengths of the block of metadata at the position `at`, whose first four bytes are given.
 
     See HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII.
     """

@@ -15,7 +15,8 @@ FLAGS_AT, END_AT = 11, 28
 def is_hdf5(file: MendedFile) -> bool:
     """Return whether a file is an HDF5 file, even if it is damaged.
 
-    A damaged file is recognised if half of the bytes of the signature are correct, or if it has an object header.
+    A damaged file is recognised if half of the bytes of the signature (the first eight bytes) are correct, or if the
+    file contains an object header (HDF5's description of a group or array).
     """
     beginning = file.bytes_at(0, len(SIGNATURE))
     sound_bytes = sum(byte == right for byte, right in zip(beginning, SIGNATURE, strict=False))

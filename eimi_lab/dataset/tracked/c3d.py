@@ -59,6 +59,8 @@ def read_c3d(path: Path) -> Tracks:
 def _main(path: Path, within_s: str) -> None:
     """Read a C3D file with limits of memory and processor time, and write its tracks to standard output as a pickle.
 
+    Tracks are the positions of the markers in all frames.
+
     ``within_s`` is the limit of the processor time in s. The limits apply to this process.
     """
     obey_processor_limit(within_s)
@@ -85,7 +87,7 @@ def bound_memory(file_bytes: int) -> None:
 
 
 def read_in_this_process(path: Path) -> Tracks:
-    """Return the markers of a C3D file as tracks; a damaged file may crash this process.
+    """Return the markers of a C3D file as tracks (positions in frames); a damaged file may crash this process.
 
     Raises InputError if the file is wrong, and MemoryError if reading takes more memory than allowed.
     """

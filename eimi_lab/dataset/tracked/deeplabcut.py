@@ -21,7 +21,7 @@ _HEADER = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_deeplabcut(path: Path) -> Tracks:
-    """Return the body parts in a DeepLabCut file as tracks, in pixels.
+    """Return the body parts in a DeepLabCut file as tracks (positions of points in frames), in pixels.
 
     If the file has several animals, the name of a track is the name of the animal and the body part. A position with a
     likelihood below `LEAST_LIKELIHOOD` counts as not seen. Raises InputError if DeepLabCut did not write the file.

@@ -31,8 +31,8 @@ _MOST_CELLS = 100_000_000
 def read_dltdv(path: Path) -> Tracks:
     """Return the points in a DLTdv file as tracks: points of one camera in pixels, or points in three dimensions.
 
-    Frames are counted from 1. Raises InputError if DLTdv did not write the file, or if the file has points of several
-    cameras.
+    A track contains the positions of one point in all frames. Frames are counted from 1. Raises InputError if DLTdv did
+    not write the file, or if the file has points of several cameras.
     """
     lines = read_text(path).splitlines()
     if len(lines) > 1 and re.fullmatch(r"\d+\t\d+\t\d+", lines[1].strip()):

@@ -34,7 +34,7 @@ _ARRAYS = {
 def read_mudic(path: Path) -> Tracks:
     """Return the nodes of the mesh in a µDIC file as tracks, in pixels. Frame 0 is the reference picture.
 
-    Raises InputError if µDIC did not write the file.
+    A track contains the positions of one node in all frames. Raises InputError if µDIC did not write the file.
     """
     try:
         with path.open("rb") as file:

@@ -31,7 +31,7 @@ _SAVED = "data_dic_save"
 
 
 def read_ncorr(path: Path) -> Tracks:
-    """Return the points of the grid in an Ncorr file as tracks, in pixels.
+    """Return the points of the grid in an Ncorr file as tracks (positions of points in frames), in pixels.
 
     Frame 0 is the reference picture, and frame 1 is the next picture. Raises InputError if the file is not an analysis
     of Ncorr, or if it contains no displacements.

@@ -22,7 +22,7 @@ _INDEPENDENT = ("t", "frame", "n", "step")
 
 
 def read_tracker(path: Path) -> Tracks:
-    """Return the tracks in a file of Tracker, with the columns x and y of each track.
+    """Return the tracks (positions of points in frames) in a file of Tracker, with the columns x and y of each track.
 
     Other columns are ignored. If the first column contains times, the frames are counted from 0. Raises InputError if
     Tracker did not write the file.
@@ -57,7 +57,7 @@ def read_tracker(path: Path) -> Tracks:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Return the names of the tracks; if several tracks have the same name, a number is added to each such name."""
+    """Return the names of the tracked points; if several points have the same name, a number is added to each."""
     return tuple(
         name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
     )

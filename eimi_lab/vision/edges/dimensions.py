@@ -111,8 +111,8 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
     A box of width w and depth d that is turned by φ about its axis has the apparent width w cos φ + d sin φ. The turn φ
     of the last quarter of the beam relative to the first eighth is computed from the difference of their median widths.
-    A beam that is stretched by its weight is narrower at its root. If the first eighth is narrower than the specimen,
-    the width of the specimen is therefore used in place of the width of the first eighth.
+    A beam that is stretched by its weight is narrower at its root (its part at the clamp). If the first eighth is
+    narrower than the specimen, the width of the specimen is therefore used in place of the width of the first eighth.
 
     The middles of the first eighth and of the last quarter are 13/16 of the length apart. A twist that grows evenly
     over the whole length is therefore 16/13 of φ.

@@ -94,11 +94,9 @@ class Side:
 
 @dataclass(frozen=True)
 class PassResult:
-    """The result of one pass over the edges: n profiles of grey values over all sides of the outline.
+    """The result of one pass, in which each edge of the beam is searched once on normals to a curve near the edge.
 
-    A pass searches each edge once, on normals to a curve near the edge.
-
-    Each profile has m grey values along a normal to the edge.
+    There are n normals over all sides of the outline. On each normal, a profile of m grey values is read.
 
     Attributes
     ----------
@@ -122,14 +120,14 @@ class PassResult:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Whether each of the n profiles gave an edge point, shape (n,)."""
+        """Whether each of the n profiles (grey values along lines across the edge) gave an edge point, shape (n,)."""
         return np.concatenate([side.sound for side in self.sides])
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
         """Whether each of the n profiles gave an edge point in the half of its edge near the clamp, shape (n,).
 
-        This half contains no magnet.
+        A profile contains the grey values along a line across the edge. The half near the clamp contains no magnet.
         """
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
@@ -267,7 +265,10 @@ def second_pass(
 
 
 def _transmission(located: PassResult) -> float:
-    """Return the share of the light that passes through the silicone, measured near the clamp; 0 without profiles."""
+    """Return the share of the light that passes through the silicone of the beam, measured near the clamp.
+
+    The result is 0 if no edge point was located near the clamp.
+    """
     near, steps = located.near_clamp, located.steps
     share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
     return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
@@ -364,8 +365,9 @@ def _locate(
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
     """Return the length (px) over which a profile can extend into the beam without reaching the edge of the magnet.
 
-    half_px: largest length. cover_px: width of the silicone beside the magnet. blur_px: blur of the edge. If the
-    silicone is too thin for a profile, the result is `half_px`.
+    A profile contains the grey values along a line across the edge of the beam. half_px: largest length. cover_px:
+    width of the silicone beside the magnet. blur_px: blur of the edge. If the silicone is too thin for a profile, the
+    result is `half_px`.
     """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 

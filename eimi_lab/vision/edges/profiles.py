@@ -269,7 +269,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns of a fit of blurred steps that all profiles share.
+    """The unknowns of a fit of blurred steps that all profiles (grey values along lines across the edge) share.
 
     `values` contains the standard deviation of the blur, followed by the widths of the silicone on k sides of the
     magnet. All are in px, and the shape is (1 + k,).
@@ -361,7 +361,8 @@ def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
 def _inverse(normal: Array) -> Array:
     """Return the inverses of n normal matrices, shape (n, 3, 3).
 
-    A small term on the diagonal keeps the inverses of flat profiles finite.
+    Each matrix belongs to the fit of one profile of grey values. A small term on the diagonal keeps the inverse finite
+    if the profile is flat.
     """
     size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
@@ -379,11 +380,11 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether the residual of each profile is at most three times the median residual of its group.
 
-    A profile with a larger residual, for example due to dirt on the edge, must not determine the blur. Profiles beside
-    a magnet have two grey-value steps and large residuals until both steps are fitted, but must determine the width of
-    the silicone. residuals: measured minus fitted values at m points of each of n profiles, shape (n, m). step: height
-    of the step of each profile, shape (n,). group: index of the side of the magnet that a profile crosses, else -1,
-    shape (n,).
+    A profile contains the grey values along a line across the edge. A profile with a larger residual, for example due
+    to dirt on the edge, must not determine the blur. Profiles beside a magnet have two grey-value steps and large
+    residuals until both steps are fitted, but must determine the width of the silicone. residuals: measured minus
+    fitted values at m points of each of n profiles, shape (n, m). step: height of the step of each profile, shape (n,).
+    group: index of the side of the magnet that a profile crosses, else -1, shape (n,).
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

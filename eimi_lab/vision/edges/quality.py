@@ -60,6 +60,8 @@ def light_findings(
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
     """Estimate the gamma of the camera from the profiles in the half of each edge near the clamp, away from the magnet.
 
+    A profile contains the grey values along a line across the edge.
+
     inverted_from: full scale of the camera if the profiles are from a negative, else None. Return None if the profiles
     do not determine gamma.
     """

@@ -117,7 +117,9 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """Return n points that are spread over the root of the beam, up to a beam's width from the clamp, px, shape (n, 2).
+    """Return n points that are spread over the beam near its clamp, px, shape (n, 2).
+
+    The points are at most a beam's width away from the clamp.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Estimate how the back-light changes along grey-value profiles across an edge, from the light beside the beam."""
+"""Estimate how the brightness of the back-light changes across an edge of the beam, from the light beside the beam."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def light_along(
 ) -> Array:
     """Return the back-light along each of n profiles, divided by the back-light at the edge.
 
-    The slope of the back-light is measured on the 16 px beyond the outer end of each profile. The median over 21
-    neighbouring profiles is used, so that dirt has no influence. Inside the beam, the same slope is assumed for the
-    light that passes through the beam.
+    A profile contains the grey values along a line across the edge. The slope of the back-light is measured on the 16
+    px beyond the outer end of each profile. The median over 21 neighbouring profiles is used, so that dirt has no
+    influence. Inside the beam, the same slope is assumed for the light that passes through the beam.
 
     Parameters
     ----------

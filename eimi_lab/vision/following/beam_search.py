@@ -56,7 +56,8 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 class Strip:
     """The strip of the searched picture that shows the beam, described at k points from the clamp outward.
 
-    Lengths are in px of the searched picture.
+    A strip is a narrow band of the picture between two possible edges of the beam. Lengths are in px of the searched
+    picture.
 
     Attributes
     ----------
@@ -67,7 +68,8 @@ class Strip:
     width : ndarray, shape (k,)
         Width of the strip at each point.
     gain : ndarray, shape (k,)
-        Gain (evidence for the beam less the costs of bends) of the search step that ended at each point.
+        Gain of the search step that ended at each point: a measure of how clearly the picture shows both edges, less
+        the costs of bends.
     step_px : float
         Distance between neighbouring points.
     variance : float
@@ -94,7 +96,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """Bounds of the curvature of a strip in the search for the beam.
+    """Bounds of the curvature of a strip (a band of the picture that may show the beam).
 
     `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest permitted curvature,
     1/px.
@@ -107,10 +109,10 @@ class _Stiffness:
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
     """Search for the strip of a picture that shows the beam, and return the strip with the highest score.
 
-    A strip is a narrow band of the picture between two possible edges, and its score sums the evidence for the beam.
-    The strip begins at the clamp and ends where its score is highest. If a person clicked points of the beam, the strip
-    does not end before the last of these points: the person has seen the beam there, although the picture may hide it
-    nearer to the clamp.
+    A strip is a narrow band of the picture between two possible edges. Its score measures how clearly the picture shows
+    both edges. The strip begins at the clamp and ends where its score is highest. If a person clicked points of the
+    beam, the strip does not end before the last of these points: the person has seen the beam there, although the
+    picture may hide it nearer to the clamp.
 
     Parameters
     ----------
@@ -147,8 +149,8 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 class _Generation:
     """The strips (bands of the picture that may show the beam) after one step of the search for the beam.
 
-    For each of n strips: `parent`, the index of the strip that it extends, and `gain`, the evidence for the beam in the
-    step, less the costs of bends. Both have the shape (n,).
+    For each of n strips: `parent`, the index of the shorter strip from which the strip was extended, and `gain`, a
+    measure of how clearly the step shows both edges, less the costs of bends. Both have the shape (n,).
     """
 
     strips: Hypotheses
@@ -203,7 +205,7 @@ def _extended(
     parent : ndarray of int, shape (n,)
         Index of the strip that was extended.
     gain : ndarray, shape (n,)
-        Gain of the step: the evidence for the beam, less the costs of bends.
+        Gain of the step: a measure of how clearly it shows both edges, less the costs of bends.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
@@ -247,7 +249,7 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the nominal width.
+    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the beam's nominal width.
 
         cost = 0.6 c² + 4 (ln w)² + 0.03 (b / 0.6)²,
 
@@ -260,8 +262,8 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
     """Return the indices of the strips with the highest scores, at most one in each cell of position and direction.
 
-    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. The indices
-    are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
+    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
+    edges. The indices are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
     """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
@@ -279,8 +281,8 @@ def _best_strip(
 ) -> Strip | None:
     """Return the strip with the highest score, traced back to the clamp; None if no score is positive.
 
-    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. `trail`
-    contains the strips after each step of the search. The strip has at least `least` steps.
+    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
+    edges. `trail` contains the strips after each step of the search. The strip has at least `least` steps.
     """
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
@@ -306,8 +308,9 @@ def _best_strip(
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
     """Return the index of the best strip in the last generation of the search (the strips after the last step).
 
-    A strip is a band of the picture that may show the beam. If strips along several bodies have about the same score
-    (evidence), the body nearest to the beam in the earlier picture is chosen.
+    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
+    edges. If strips along several bodies have about the same score, the body nearest to the beam in the earlier picture
+    is chosen.
     """
     score = trail[-1].strips.score
     best = int(score.argmax())
@@ -335,8 +338,8 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
     """Return the score of the best strip along another body, divided by the score of the chosen strip.
 
-    A strip is a band of the picture that may show the beam, and its score sums the evidence for the beam. Both scores
-    are taken at the middle of the length of the chosen strip.
+    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
+    edges. Both scores are taken at the middle of the length of the chosen strip.
     """
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])

@@ -1,6 +1,7 @@
 """Find both edges of the beam in its unrolled picture, each edge in a colour projection of its own.
 
-The unrolled picture is the picture, sampled along and across the beam. A seam is a connected line along an edge.
+The unrolled picture is the picture, sampled along and across the beam. A colour projection is a weighted sum of the
+colours. A seam is a connected line along an edge.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Seams:
     support : ndarray, shape (2, n)
         Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
     projected : tuple of ColourProjection
-        The colour projection of each edge.
+        The colour projection (weighted sum of the colours) of each edge.
     shadow : ndarray, shape (2, n)
         Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """

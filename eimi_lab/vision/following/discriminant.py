@@ -34,7 +34,7 @@ class ColourProjection:
     """The colour projection of one edge: a weighted sum of the colours that is 1 inside the beam and 0 outside.
 
     The projection is computed in the unrolled picture, with weights that vary along the beam. The unrolled picture is
-    the picture, sampled at n stations along the beam and m points across the beam.
+    the picture, sampled at n stations (places) along the beam and m points across the beam.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def project(
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     edge : ndarray, shape (n,)
-        Position of the edge across the beam at n stations, in nominal widths.
+        Position of the edge across the beam at n stations (places along the beam), in nominal widths.
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float

@@ -170,8 +170,8 @@ class _Edge:
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
         """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
 
-        The projected colour is about 0 inside the beam and 1 outside. `u` contains m distances along a normal, px. The
-        other parameters are the same as in `fitted`.
+        The projected colour is a weighted sum of the colours, about 0 inside the beam and 1 outside. `u` contains m
+        distances along a normal, px. The other parameters are the same as in `fitted`.
         """
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
@@ -183,9 +183,9 @@ class _Edge:
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
         """Return by how much the slope of the light changes the n profiles of m points, shape (n, m).
 
-        Shading, uneven light and shadows cause slopes on both sides of an edge. The slope on each side is measured
-        outside the blur of the edge, as the median over neighbouring profiles. The slope begins at the edge, and is
-        blurred like the edge.
+        A profile contains the grey values along a line across the edge. Shading, uneven light and shadows cause slopes
+        on both sides of an edge. The slope on each side is measured outside the blur of the edge, as the median over
+        neighbouring profiles. The slope begins at the edge, and is blurred like the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -206,7 +206,8 @@ class _Edge:
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
     """Fit a straight line to each of n profiles; return the slopes, shape (n,), and the RMS residuals, shape (n,).
 
-    profiles: shape (n, m). places: the m distances along the profiles, px, shape (m,).
+    A profile contains the grey values along a line across the edge. profiles: shape (n, m). places: the m distances
+    along the profiles, px, shape (m,).
     """
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
@@ -217,8 +218,8 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 def _common(slope: Array, residual_rms: Array) -> Array:
     """Return, for each of n profiles, the median of its slope and the slopes of ten profiles on each side, shape (n,).
 
-    Profiles that are too steep or not straight are left out, because such profiles show another body. The result is 0
-    if fewer than a third of the profiles remain.
+    A profile contains the grey values along a line across the edge. Profiles that are too steep or not straight are
+    left out, because such profiles show another body. The result is 0 if fewer than a third of the profiles remain.
     """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)

@@ -36,11 +36,11 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     -------
     dict of str to ndarray of uint8
         ``"strip"``: the searched picture with the strip. The strip is the band in which the beam was found. The colour
-        of the strip goes from red to green with the gain (evidence for the beam) of each step of the search.
+        of the strip goes from red to green with the gain of each search step, which measures how clear both edges are.
 
         ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
-        the colour projections of the left and of the right edge. Both edges are drawn in green at the stations where
-        the edge is reliable, and in red elsewhere.
+        the colour projections (weighted sums of the colours) of the left and of the right edge. Both edges are drawn in
+        green at the stations (places along the beam) where the edge is reliable, and in red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:

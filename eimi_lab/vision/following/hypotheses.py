@@ -38,7 +38,7 @@ _LATERAL = 0.15  # share of the variance across the strip: a round beam is shade
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips of the searched picture that may show the beam, each described at its outer end. Lengths are in px.
+    """n strips (bands) of the picture that may show the beam, each described at its outer end. Lengths are in px.
 
     Attributes
     ----------
@@ -59,7 +59,8 @@ class Hypotheses:
         Smallest variance of a colour since the clamp, summed over the colour channels, with which the steps at the
         sides of the strip are compared.
     score : ndarray, shape (n,)
-        Sum of the gains of all search steps. A gain is the evidence for the beam, less the costs of bends.
+        Sum of the gains of all search steps. A gain measures how clearly the picture shows both edges, less the costs
+        of bends.
     """
 
     place: Array

@@ -30,7 +30,8 @@ def fall_across(
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        Projected colours, about 1 inside and 0 outside, at n stations along the beam and m points across the beam.
+        Projected colours, about 1 inside and 0 outside, at n stations (places) along the beam and m points across the
+        beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
@@ -56,19 +57,20 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k seams (connected lines with one point at each station along the beam) with the largest falls.
+    """Find k seams, connected lines with one point at each place (station) along the beam, with the largest falls.
 
-    The value of a point is its fall (the outward decrease of the projected colour) minus 0.25 ((position - expected
-    position) / tolerance)². From station to station a seam moves by at most two points across the beam, and each point
-    of such a move costs 0.05. Dynamic programming finds the seam with the largest total value. A parabola through the
-    values at neighbouring points refines each position.
+    The projected colour is a weighted sum of the colours that is 1 inside the beam and 0 outside. Its outward decrease
+    is the fall. The value of a point is its fall minus 0.25 ((position - expected position) / tolerance)². From station
+    to station a seam moves by at most two points across the beam, and each point of such a move costs 0.05. Dynamic
+    programming finds the seam with the largest total value. A parabola through the values at neighbouring points
+    refines each position.
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
         Fall at n stations along the beam and m points across the beam, for k seams.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam, in nominal widths.
+        Coordinates of the m points across the beam, in nominal widths of the beam.
     expected : ndarray, shape (k, n)
         Expected position of each seam across the beam, in nominal widths.
     tolerance : float
@@ -98,7 +100,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Return the positions across the beam of a seam (a line along an edge) at n stations, nominal widths, shape (n,).
+    """Return the positions across the beam of a seam (a line along an edge) at n places, nominal widths, shape (n,).
 
     Each position is refined by a parabola through the values at the neighbouring points. value: shape (n, m). seam:
     index of the seam's point at each station, shape (n,). across: coordinates of the m points, shape (m,).

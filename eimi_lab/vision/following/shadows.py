@@ -1,5 +1,7 @@
 """Detect edges that are borders of a shadow, by a colour projection in which a shadow is invisible.
 
+A colour projection is a weighted sum of the colours.
+
 In shadow, all colours of a surface in white light are darker by the same factor (R. Gershon, A. D. Jepson and J. K.
 Tsotsos, "Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). A
 projection that is orthogonal to the colour of the surroundings maps all multiples of this colour to 0. The border of a
@@ -152,10 +154,10 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colour of the masked points around each of n stations along the beam, shape (n, channels).
+    """Return the mean colour of the masked points around each of n places along the beam, shape (n, channels).
 
-    mask: whether each of the m points at a station is used, shape (n, m). window: length of the window, number of
-    stations.
+    The places are called stations. mask: whether each of the m points across the beam at a station is used, shape (n,
+    m). window: number of neighbouring stations over which the mean is taken.
     """
     in_image = (mask & unrolled.inside)[..., None]
     total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)

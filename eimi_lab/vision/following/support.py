@@ -1,4 +1,4 @@
-"""Decide at which stations along the beam each edge is reliable ("sure"), and where the beam ends."""
+"""Decide at which places (stations) along the beam each edge is reliable ("sure"), and where the beam ends."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Sides:
     end : int
         Number of stations before the end of the beam.
     projected : tuple of ColourProjection
-        The colour projection of each edge.
+        The colour projection (weighted sum of the colours) of each edge.
     shadow : ndarray, shape (2, n)
         Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """
@@ -67,7 +67,7 @@ class Sides:
 
     @property
     def width(self) -> Array:
-        """Width of the beam at each of n stations, in nominal widths, shape (n,)."""
+        """Width of the beam at each of n stations (places along the beam), in nominal widths, shape (n,)."""
         return np.asarray(self.edge[1] - self.edge[0])
 
 
@@ -121,7 +121,7 @@ def sure_share(sound: Mask) -> dict[str, float]:
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable ("sure") at each of n stations.
+        Whether each edge is reliable ("sure") at each of n stations (places along the beam).
 
     Returns
     -------
@@ -168,10 +168,10 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle by which an edge turns at each of n stations along the beam, rad, not negative, shape (n,).
+    """Return the angle by which an edge turns at each of its n points, rad, not negative, shape (n,).
 
-    seam: the points of the edge, shape (n, 2). The directions of the edge before and after a station are measured over
-    `arm` stations each.
+    seam: the points of the edge, shape (n, 2). The directions of the edge before and after a point are measured over
+    `arm` points each.
     """
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam

@@ -96,7 +96,7 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of stations along the beam in one nominal width."""
+        """Number of stations (places) along the beam in one nominal width."""
         return 1.0 / _ALONG
 
 
@@ -151,7 +151,7 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
     """Convert n points from px of the coarse working picture to px of the fine working picture, shape (n, 2).
 
-    The strip that shows the beam is searched in the coarse picture. The fine picture is the same image in a larger
+    The band that shows the beam is searched in the coarse picture. The fine picture is the same image in a larger
     scale.
     """
     return fine.from_picture(coarse.to_picture(points))

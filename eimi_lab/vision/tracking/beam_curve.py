@@ -128,7 +128,7 @@ def curve_through(points_px: Array, length_px: float) -> BeamCurve:
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        The n points of the centre line, ordered from the clamp. The first point is the root.
+        The n points of the centre line, ordered from the clamp. The first point is at the clamp.
     length_px : float
         Length of the beam. Beyond the last point the line continues straight.
     """

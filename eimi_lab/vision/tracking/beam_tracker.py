@@ -230,9 +230,10 @@ class BeamTracker:
     def _on_edges(
         self, grey: NDArray[Any], curve: BeamCurve, smear_px: float, usual: BeamCurve | None
     ) -> tuple[SeenBeam, BeamCurve]:
-        """Return the edges of the beam near a curve, and the curve moved to the middle between the edges.
+        """Return the edges of the beam near an estimated centre line, and the line through the middle of the edges.
 
-        smear_px: the motion of the beam since the last frame. usual: a curve near which the beam is expected, or None.
+        curve: the estimated centre line. smear_px: the motion of the beam since the last frame, px. usual: a curve near
+        which the beam is expected, or None.
         """
 
         def through(curve: BeamCurve, offset: Array, is_usable: NDArray[np.bool_]) -> BeamCurve:
