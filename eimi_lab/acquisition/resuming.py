@@ -36,8 +36,8 @@ class UnfinishedRun:
 def refuse_taken(path: Path, force: bool) -> None:
     """Raise InputError if a new run must not write a dataset to `path`, for example because the file exists.
 
-    If the file is the dataset of an unfinished run, the message names --resume. If `force` is true, an existing file is
-    not refused.
+    If the file is the dataset of an unfinished run, the message names the option --resume. If `force` is true, an
+    existing file is not refused.
     """
     if path.is_file() and not force:
         with only_writer(path):  # raises an error for a run that is still writing

@@ -26,7 +26,10 @@ if sys.platform == "win32":
     _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
 
     def _job_limits() -> int:
-        """Return the flags of the job object of this process; 0 if the process is in no job object."""
+        """Return the flags of the job object of this process; 0 if the process is in no job object.
+
+    A job object is a group of processes that Windows can end together.
+    """
         limits, length = ctypes.create_string_buffer(_LIMITS_BYTES), ctypes.c_ulong()
         asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
@@ -61,7 +64,7 @@ def detached() -> dict[str, Any]:
 
 
 def ended_with_others() -> bool:
-    """Return whether this process belongs to a job object of Windows that ends all its processes together."""
+    """Return whether this process belongs to a group of processes (job object) that Windows ends together."""
     if sys.platform == "win32":
         return bool(_job_limits() & _KILL_ON_JOB_CLOSE)
     return False

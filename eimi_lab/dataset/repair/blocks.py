@@ -27,7 +27,7 @@ def _stored(block: bytes) -> int:
 
 
 def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
-    """Correct one flipped bit in a block of metadata.
+    """Correct one flipped bit in a block of HDF5 metadata (descriptions of groups and arrays).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
 
 
 def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> int | None:
-    """Search for the one flipped bit in a block of metadata whose checksum is wrong.
+    """Search for the one flipped bit in a block of HDF5 metadata whose checksum is wrong.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ Columns = dict[str, NDArray[np.float64]]
 def read_dice(path: Path) -> Tracks:
     """Return the subsets in a DICe file, or in all DICe files of a folder, as tracks in pixels.
 
-    A subset is a small region that DICe follows, and a track contains its positions in all frames. Raises InputError if
-    there is no DICe file, or if DICe did not write the files.
+    A subset is a small region of the picture that DICe follows. A track contains the positions of one subset in all
+    frames. Raises InputError if there is no DICe file, or if DICe did not write the files.
     """
     files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
     if not files:

@@ -156,7 +156,10 @@ def measure_bench(
 
 
 def _region(clamp: tuple[float, float], reach_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, width and height (px) of the rectangle of the picture that the beam can reach."""
+    """Return left, top, width and height (px) of the rectangle of the picture that the beam can reach.
+
+    `reach_px` is the largest distance of the beam from the clamp, and `size` the width and height of the picture, px.
+    """
     left, top = (max(0, math.floor(middle - reach_px)) for middle in clamp)
     right, bottom = (min(most, math.ceil(middle + reach_px)) for middle, most in zip(clamp, size, strict=True))
     return left, top, right - left, bottom - top

@@ -1,4 +1,7 @@
-"""Measure the scale and the axis on an image of the beam at rest, whose width is known. No board is needed."""
+"""Measure the scale and the direction of the beam on an image of the beam at rest, whose width is known.
+
+No picture of a calibration board is needed.
+"""
 
 from __future__ import annotations
 

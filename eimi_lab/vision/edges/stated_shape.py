@@ -123,7 +123,11 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """Distances from the clamp along an edge of the specimen, mm, for the distances `_along_mm` along its axis."""
+        """Distances from the clamp along the curved edge of a specimen whose width varies, mm.
+
+        Each distance belongs to the distance along the straight axis of the specimen with the same index in
+        `_along_mm`.
+        """
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
 

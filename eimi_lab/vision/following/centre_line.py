@@ -27,7 +27,7 @@ _APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no di
 
 @dataclass(frozen=True)
 class CentreLine:
-    """An expected centre line of the beam.
+    """An expected centre line of the beam, which guides the search for the beam.
 
     Attributes
     ----------

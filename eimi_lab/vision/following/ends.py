@@ -50,7 +50,10 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
 
 
 def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
-    """Return an edge with only the kept points, and with standard deviations from the scatter of these points."""
+    """Return an edge without the points for which `kept` is false.
+
+    The standard deviations are computed again from the scatter of the other points.
+    """
     if kept.all() or kept.sum() < _FEWEST:
         return edge
     points, sigma, near = estimate_scatter(edge.points[kept], edge.sigma[kept])

@@ -156,8 +156,8 @@ def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: in
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
     """Return the mean colour of the masked points around each of n places along the beam, shape (n, channels).
 
-    The places are called stations. mask: whether each of the m points across the beam at a station is used, shape (n,
-    m). window: number of neighbouring stations over which the mean is taken.
+    mask: whether each of m points across the beam is used at each place, shape (n, m). window: number of neighbouring
+    places over which the mean is taken.
     """
     in_image = (mask & unrolled.inside)[..., None]
     total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
