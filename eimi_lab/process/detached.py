@@ -28,8 +28,8 @@ if sys.platform == "win32":
     def _job_limits() -> int:
         """Return the flags of the job object of this process; 0 if the process is in no job object.
 
-    A job object is a group of processes that Windows can end together.
-    """
+        A job object is a group of processes that Windows can end together.
+        """
         limits, length = ctypes.create_string_buffer(_LIMITS_BYTES), ctypes.c_ulong()
         asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0

@@ -123,7 +123,7 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """Distances from the clamp along the curved edge of a specimen whose width varies, mm.
+        """Distances from the clamp along the edge of a specimen whose width varies, mm.
 
         Each distance belongs to the distance along the straight axis of the specimen with the same index in
         `_along_mm`.
