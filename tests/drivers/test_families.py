@@ -266,7 +266,7 @@ def test_an_e3631a_counts_as_off_below_60_mA():
 )
 def test_a_channel_that_the_family_does_not_have_is_refused(driver, address):
     clock = SimulatedClock()
-    with pytest.raises(InstrumentError, match=r"there is no channel .* has . to "):
+    with pytest.raises(InstrumentError, match=r"there is no channel .* has the channels . to "):
         SUPPLIES[driver](InProcessTransport(CoilSupply(clock), clock, address), LIMITS, clock)
 
 

@@ -110,7 +110,9 @@ def test_a_channel_that_the_family_does_not_have_is_refused(driver: str) -> None
     for channel in (first, last):
         assert opened(channel) is not None
     for channel in {first - 1, last + 1} - {-1}:
-        with pytest.raises(InstrumentError, match=f"there is no channel {channel}; {driver} has {first} to {last}"):
+        with pytest.raises(
+            InstrumentError, match=f"there is no channel {channel}; {driver} has the channels {first} to {last}"
+        ):
             opened(channel)
 
 

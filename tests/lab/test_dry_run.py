@@ -76,7 +76,9 @@ def test_a_dry_run_works_with_every_driver(setup: Any, driver: str) -> None:
 
 
 def test_a_channel_that_the_supply_does_not_have_is_reported(setup: Any) -> None:
-    with pytest.raises(InstrumentError, match="somewhere#4: there is no channel 4; rigol-dp800 has 1 to 3"):
+    with pytest.raises(
+        InstrumentError, match="somewhere#4: there is no channel 4; rigol-dp800 has the channels 1 to 3"
+    ):
         tell(setup, "rigol-dp800", "somewhere#4")
 
 

@@ -106,7 +106,7 @@ class SupplyBase(Conversation, ABC):
         first, last = self.channels
         if not first <= self._channel <= last:
             raise InstrumentError(
-                f"{link.address}: there is no channel {self._channel}; {self.name} has {first} to {last}"
+                f"{link.address}: there is no channel {self._channel}; {self.name} has the channels {first} to {last}"
             )
 
     @classmethod

@@ -89,7 +89,7 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the depth effect d(s), solid minus planar configuration, interpolated at one value s (``place``).
+        """Return the depth effect d(s) (solid minus planar configuration), interpolated at one value s (``place``).
 
         A configuration contains displacements, pressures and stresses. s measures the bending: the rotation of the tip
         in rad, or a distance along the line of the loads.
@@ -133,7 +133,7 @@ class DepthEffect:
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) in the solved states: d_i is the solid minus the planar model.
+        """The differences d_i - b(s_i) in the solved states: d_i is the solid minus the planar configuration.
 
         b is the depth effect in ``base``, of a similar candidate.
         """
@@ -174,18 +174,19 @@ class DepthEffect:
     def reaches(self, places: Array) -> NDArray[np.bool_]:
         """Return whether the polynomial d(s) is valid at each of K values s (``places``), shape (K,).
 
-        d(s) is the solid minus the planar model at the bending s. The polynomial is valid in the range of the solved
-        values s, which is extended by a tenth of its length at both ends.
+        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The polynomial is
+        valid in the range of the solved values s, which is extended by a tenth of its length at both ends.
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect (solid minus planar model), interpolated through at most ``most`` solved states.
+        """Return this depth effect, interpolated through at most ``most`` solved states.
 
-        A value s measures the bending in a state. The values s of the selected states are far apart from each other. A
-        polynomial through many equidistant values s would be inaccurate between these values. ``base`` must be None.
+        The depth effect is the shape of the solid model minus the shape of the planar model. A value s measures the
+        bending in a state. The values s of the selected states are far apart from each other. A polynomial through many
+        equidistant values s would be inaccurate between these values. ``base`` must be None.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -196,7 +197,9 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this depth effect (solid minus planar model) with one more solved state.
+        """Return this depth effect with one more solved state.
+
+                The depth effect is the shape of the solid model minus the shape of the planar model.
 
         ``place`` is the value s of the state, which measures the bending; ``difference`` is its difference d.
         """

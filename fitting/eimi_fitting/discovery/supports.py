@@ -164,7 +164,10 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return the fitted set ``support`` with ``excess`` and ``excess_error`` in relation to the set ``best``."""
+    """Return the fitted set ``support`` after a comparison of its prediction error with the set ``best``.
+
+    The result contains the difference (``excess``) and the standard error of the difference (``excess_error``).
+    """
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

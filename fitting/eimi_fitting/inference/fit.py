@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 class IdentifiedLaw(Estimate):
     """An identified hyperelastic law with intervals, errors, doubts and search history, as stored in a result file.
 
+    It also has the parameters of `Estimate`: the identified parameters with their intervals.
+
     Parameters
     ----------
     mean_error_mm, mean_deviation_mm : float
@@ -68,6 +70,8 @@ class IdentifiedLaw(Estimate):
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
     """An identified hyperelastic law with the residuals at the optimum, for K states.
+
+    It also has the parameters of `IdentifiedLaw` and `Estimate`.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Signals:
     def in_mm(self, reduced: Array) -> Array:
         """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm.
 
-        Reduced signals: a few independent signals whose combinations give all channels (coordinates of points).
+        Reduced signals are a few independent signals whose combinations give all channels (coordinates of points).
         """
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 

@@ -59,10 +59,10 @@ def unexplained_share(fitted: ModalFit) -> float:
 
 
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
-    """Return whether the later frames alone are described much better than all frames.
+    """Return whether damped vibrations describe the later frames alone much better than all frames.
 
-    later, whole: fits to these frames. If the result is False, the residuals have another cause than the start of the
-    recording, for example errors of the times.
+    later, whole: fits to the later frames and to all frames. If the result is False, the residuals have another cause
+    than the start of the recording, for example errors of the times.
     """
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 

@@ -86,7 +86,8 @@ class RingEvidence:
         """Return the evidence of a ring-down: frequency and loss factor of each mode with uncertainties.
 
         Vibrations that belong to no planar mode of the beam are left out. With a hanging weight, only the lowest mode
-        is used: a weight on a thread hardly changes this mode, but raises the second one by 25 to 50 %.
+        is used: a weight on a thread hardly changes the frequency of this mode, but raises the frequency of the second
+        mode by 25 to 50 %.
         """
         modes = [(0, decay.modes[0])]
         if table.beam.hanging_N:

@@ -221,9 +221,9 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a mode at n times, (n,): the mode vibrates as Re(a exp(psi)).
 
-    time: seconds since the first frame. mode: ln omega and the loss factor. bend: two numbers that compare the first
-    frame with small amplitudes; empty if both are 0. The frequency is larger by the fraction kappa_1, and the loss
-    factor by 2 kappa_2.
+    time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2; empty if both
+    are 0. At the first frame the frequency is larger by the fraction kappa_1, and the loss factor by 2 kappa_2, than at
+    small amplitudes.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega

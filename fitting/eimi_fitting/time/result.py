@@ -36,7 +36,7 @@ class PronyTerm:
     g : float
         Relative modulus: the fraction of the instantaneous modulus that the term loses.
     tau_s : float
-        Relaxation time.
+        Relaxation time in s.
     """
 
     g: float

@@ -246,7 +246,7 @@ class RingTable:
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the modulus that the lowest frequency gives for a solid, divided by that for the stated section.
+        """Return the modulus from the lowest frequency of a solid section over the modulus for the stated section.
 
         The result is 1 for a specimen whose section is a solid. `NoEquilibrium` is raised if the solid has no
         equilibrium.

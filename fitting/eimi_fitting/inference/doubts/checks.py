@@ -309,7 +309,7 @@ def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Compari
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first one.
+    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first cause.
 
     If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
     of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
@@ -352,7 +352,7 @@ def _causes_in_words(causes: Sequence[Cause]) -> str:
 
 
 def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = ()) -> tuple[Doubt, ...]:
-    """Return the doubts about the residuals of the optimum.
+    """Return the doubts (reasons to distrust the fit) that the residuals of the optimum cause.
 
     Parameters
     ----------
@@ -392,7 +392,7 @@ def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tup
 
 
 def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over the states of an experiment: root mean square residual divided by the stated noise."""
+    """Return the ratio of the root mean square residual to the stated noise, as the median over the states."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 

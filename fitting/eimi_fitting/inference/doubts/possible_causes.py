@@ -221,7 +221,8 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera in degrees.
 
-    A positive first (second) tilt brings the points at larger x (y) nearer to the camera.
+    A positive first tilt brings the points at larger x nearer to the camera, and a positive second tilt the points at
+    larger y.
     """
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)

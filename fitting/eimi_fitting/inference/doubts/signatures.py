@@ -172,8 +172,8 @@ class About:
     unit : ndarray, shape (n,)
         The optimum in unit coordinates (0 to 1).
     kept : ndarray of int, shape (l,)
-        Indices of the l coordinates that vary under every hypothesis (set of causes): those of the law, and the freed
-        inputs (determined by the fit) that are not among the possible causes.
+        Indices of the l coordinates that vary under every hypothesis (set of causes): the coordinates of the law, and
+        the freed inputs (determined by the fit) that are not among the possible causes.
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of the l coordinates ``kept``.
     slopes : tuple of ndarray, shape (l, K, G, m)

@@ -120,7 +120,9 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Distances of measured points from P simulated candidates in K states (residuals), with the error of each state.
+    """Distances of measured points from simulated edges or points (residuals), with the error of each state.
+
+        P candidate laws are compared with the measurements in K states.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether the source of uncertainty changes specimen, lens or loads other than by a factor on the field."""
+        """Whether the source of uncertainty changes specimen, lens or loads, and not only the strength of the field."""
         return any((self.specimen, self.loads, self.lens))
 
     @property

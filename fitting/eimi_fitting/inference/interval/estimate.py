@@ -158,7 +158,7 @@ def estimate(
     Parameters
     ----------
     problem : Problem
-        The problem with the corrections of its residuals.
+        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
