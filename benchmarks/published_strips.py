@@ -7,7 +7,7 @@ folder and converted to the plane of bending: the focal length (905 px) and the 
 follow from the corners of the marker in four pictures and the published poses. The pose published for picture 0 of the
 spine is the mirror image of the true pose; the other solution of the same four corners was used. Positions of the
 cantilever are divided by 1.03, so that its head has the length and width of the published CAD model. The dimensions are
-those of the CAD models (``CAD_models``). Their uncertainties, and those of the marked corners, are assumed.
+those of the CAD models (``CAD_models``). Their uncertainties and the uncertainties of the marked corners are assumed.
 
 The script prints the modulus of each body, and of a joint fit. The authors of DiffCal found 22.0 to 22.6 kPa with the
 cantilever and 78.6 to 79.9 kPa with the spine.

@@ -105,7 +105,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
     series : Prony
         The Prony series of the material.
     recorded : list of RecordedMotion
-        The noisy recordings of ring-downs and creep.
+        The noisy recordings of ring-downs (free vibrations) and creep.
     static : StaticStates
         The static states: the fields, the times at which each field was set and the edges were measured, and the
         modulus of an elastic fit to these states.

@@ -147,7 +147,7 @@ def test_a_notebook_is_committed_with_its_outputs(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_without_shortening(page: Path, begun: Path, tmp_path: Path) -> None:
-    """Every command of a page runs unshortened, and the modulus of a tutorial is that of its virtual beam."""
+    """Every command of a page runs unshortened, and a tutorial finds the modulus of its virtual beam."""
     if page.parent.name == "howto":
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)

@@ -1,4 +1,4 @@
-"""Options of `eimi import` for the motion of a beam: a ring-down or creep."""
+"""Options of `eimi import` for the motion of a beam: a ring-down (a free vibration) or creep."""
 
 from __future__ import annotations
 

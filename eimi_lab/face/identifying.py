@@ -358,7 +358,10 @@ def identify_laws(
 
 
 def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
-    """Return the recorded ring-downs and creep of each dataset. Raises InputError if a dataset cannot be read."""
+    """Return the recorded ring-downs (free vibrations) and creep of each dataset.
+
+    Raises InputError if a dataset cannot be read.
+    """
     from eimi_lab.fits.recorded_motions import load_motions, with_ring_downs
 
     return with_ring_downs([load_motions(path) for path in datasets])
@@ -367,9 +370,10 @@ def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
 def _fits_of_motions(
     laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
 ) -> Fits:
-    """Return the fits to datasets that have motions (ring-downs) but no states, and write them to ``output`` if given.
+    """Return the fits to datasets that have ring-downs (free vibrations) but no static states.
 
-    Raises InputError if the motions cannot be used, or if the file cannot be written.
+    The fits are written to ``output`` if it is given. Raises InputError if the motions cannot be used, or if the file
+    cannot be written.
     """
     from eimi_lab.fits.time_fits import fit_motions
 

@@ -1,4 +1,4 @@
-"""Import a ring-down or the creep of a beam from a video or from tracked points."""
+"""Import a motion of a beam from a video or from tracked points: a ring-down (a free vibration) or creep."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ def import_motion(
     plane: str | None = None,
     force: bool = False,
 ) -> Dataset:
-    """Make a dataset from a ring-down or creep of a beam that was recorded as a video or as tracked points.
+    """Make a dataset from a motion of a beam that was recorded as a video or as tracked points.
+
+    A motion is a ring-down (a free vibration) or creep under a constant load.
 
     A video needs the argument ``calibration`` or ``along``. Tracked points need ``gravity_angle`` or ``no_gravity``.
 

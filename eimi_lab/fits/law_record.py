@@ -46,7 +46,7 @@ _HELD_BY = "not measured (their intervals contain zero or are determined by the 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class LawRecord:
-    """The result of a fit to bending, to tension or to ring-downs.
+    """The result of a fit of a law to bending, to tension or to ring-downs (free vibrations of the beam).
 
     Attributes
     ----------

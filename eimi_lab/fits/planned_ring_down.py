@@ -1,16 +1,17 @@
 """The gain from a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
 
-A run of static states determines the ratio of the modulus to the magnetic moment. A ring-down in zero field determines
-the modulus from the mass of the beam, without the moment. If creep is recorded, a viscoelastic (Prony) law relates the
-static modulus to the dynamic modulus. Let s be the logarithm of the modulus from the static states, and d the logarithm
-of the modulus from the ring-down. To first order in the errors δ of the inputs, each of unit variance,
+A run of static states determines the ratio of the modulus to the magnetic moment. A ring-down is the free vibration of
+the beam after a load was removed. In zero field it determines the modulus from the mass of the beam, without the
+moment. If creep is recorded, a viscoelastic (Prony) law relates the static modulus to the dynamic modulus. Let s be the
+logarithm of the modulus from the static states, and d the logarithm of the modulus from the ring-down. To first order
+in the errors δ of the inputs, each of unit variance,
 
     s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
 Here x is the logarithm of the true static modulus. The vectors a and b are the changes of s and d for a unit error of
-each input. The scalars n_s and n_d are noise. The modulus relaxes between the time scale of a ring-down and that of the
-static states, and r is the error of the computed relaxation. The best linear estimate of x has the variance
-1 / (1ᵀ C⁻¹ 1), where C is the covariance of s and d (Gauss-Markov).
+each input. The scalars n_s and n_d are noise. The modulus of the short times of a ring-down is larger than the modulus
+of the long times of static states; r is the error of the computed difference. The best linear estimate of x has the
+variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance of s and d (Gauss-Markov).
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class ExpectedRingDown:
 
     @property
     def in_words(self) -> str:
-        """Return a sentence with the expected intervals of the modulus with and without a ring-down."""
+        """Return a sentence with the expected intervals of the modulus, with and without a recorded ring-down."""
         moment = ""
         if self.moment_percent is not None:
             moment = (
@@ -94,7 +95,7 @@ def expected_ring_down(
     static_percent: float,
     effects: Mapping[str, float],
 ) -> ExpectedRingDown | None:
-    """Return the intervals of the modulus to expect if a ring-down is added to a planned run.
+    """Return the intervals of the modulus to expect if a ring-down (a free vibration) is added to a planned run.
 
     Parameters
     ----------

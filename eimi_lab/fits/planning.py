@@ -104,8 +104,8 @@ class PlannedRun:
         By source of uncertainty: the change (%) of the modulus or parameter if the source deviates by its standard
         uncertainty.
     ring_down : ExpectedRingDown or None
-        The intervals of the modulus with a ring-down in zero field. None unless the goal is the modulus and the run is
-        the best of the planned runs.
+        The intervals of the modulus with a ring-down (a free vibration) in zero field. None unless the goal is the
+        modulus and the run is the best of the planned runs.
     """
 
     mounting: Mounting
@@ -258,7 +258,10 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
 
 
 def _with_ring_down(goal: Goal, run: PlannedRun, rig: Rig) -> PlannedRun:
-    """Return a planned run, with the intervals that an added ring-down would give if the goal is the modulus."""
+    """Return a planned run with the intervals of the modulus that an added ring-down (free vibration) would give.
+
+    If the goal is not the modulus, the run is returned unchanged.
+    """
     if goal.rival or goal.parameter != MODULUS:
         return run
     mounting = run.mounting

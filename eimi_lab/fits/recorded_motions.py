@@ -40,7 +40,7 @@ class MotionEvidence:
     specimen : Specimen
         The beam and its magnet.
     motions : tuple of RecordedMotion
-        Ring-downs and creep.
+        Ring-downs (free vibrations) and creep.
     stated : tuple of StatedSource
         The sources of uncertainty that the input files specify.
     taken_as_exact : tuple of str
@@ -62,7 +62,7 @@ class MotionEvidence:
 
 
 def load_motions(path: Path) -> MotionEvidence:
-    """Read the ring-downs and the creep of a dataset.
+    """Read the ring-downs (free vibrations) and the creep of a dataset.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
     Raises
     ------
     InputError
-        If no dataset holds a ring-down, or if the specimens differ.
+        If no dataset holds a ring-down (a free vibration), or if the specimens differ.
     """
     for other in datasets[1:]:
         if other.specimen != datasets[0].specimen:
@@ -110,7 +110,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a ring-down or creep of a dataset, with the loads before and during this motion."""
+    """Return a motion of a dataset (a ring-down or creep) with the loads before and during the motion."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.tip_force_N:
         before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)

@@ -70,7 +70,7 @@ class Prediction(Generic[Law]):
         The errors of the fit on the dataset.
     edges_mm : ndarray, shape (K, 2, n, 2)
         x and y of n points of the simulated left and right edges as the camera sees them. The axes are state, edge,
-        point and coordinate. The edges are those of the most accurate beam model that was solved.
+        point and coordinate. The edges belong to the most accurate beam model that was solved.
     residuals_mm : ndarray, shape (K, 2, m)
         Signed distances of the m measured edge points from the simulated edges; the axes are state, edge and point. For
         tracked points, the second axis holds the x and y components of the distance. NaN where no point was measured.

@@ -43,7 +43,7 @@ def with_law_of_time(
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:
-    """Fit a viscoelastic (Prony) law to recorded motions without static states.
+    """Fit a viscoelastic (Prony) law to recorded motions (ring-downs and creep) without static states.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The record of a fit to ring-downs without static states, and lines of text on a viscoelastic (Prony) law."""
+"""The record of a fit to ring-downs (free vibrations) without static states, and texts on a viscoelastic law."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MotionReference(Record):
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class RingDownRecord(LawRecord):
-    """A dynamic shear modulus identified from ring-downs alone.
+    """A dynamic shear modulus identified from ring-downs (free vibrations of the beam) alone.
 
     ``initial_shear_modulus`` is the dynamic modulus at the frequency of the ring-downs.
 
@@ -72,8 +72,8 @@ class RingDownRecord(LawRecord):
 def time_lines(time: LawOfTime) -> list[str]:
     """Return lines on a viscoelastic (Prony) law.
 
-    The lines concern the dynamic modulus, the ring-downs, the Prony series, the range of times in which the series
-    holds, the magnetic moment, and the largest sources of uncertainty.
+    The lines concern the dynamic modulus, the ring-downs (free vibrations), the Prony series, the range of times in
+    which the series holds, the magnetic moment, and the largest sources of uncertainty.
     """
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)

@@ -43,8 +43,8 @@ class FitReference(Record):
     def kind_in_words(self) -> str:
         """Return the kind of data to which the law was fitted.
 
-        The text is `bending`, `bending and tensile`, `ring-down`, `tensile full` or, for a window of 50 %, `tensile 50
-        %`.
+        The text is `bending`, `bending and tensile`, `ring-down` (free vibration), `tensile full` or, for a tensile
+        curve up to a strain of 50 %, `tensile 50 %`.
         """
         if self.kind != "tensile":
             return self.kind

@@ -402,7 +402,7 @@ class BenchRun:
 
 
 def _at_the_page(words: str) -> str:
-    """Return a message of a run with the instructions for the page in place of those for a terminal."""
+    """Return a message of a run in which instructions for the page replace instructions for a terminal."""
     for at_a_terminal, at_the_page in AT_THE_PAGE.items():
         words = words.replace(at_a_terminal, at_the_page)
     return words

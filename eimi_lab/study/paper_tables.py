@@ -220,7 +220,7 @@ def untwisted(findings: Findings) -> list[str]:
 def advantage_table(findings: Findings) -> Table:
     """Return the table that compares the errors of laws fitted to bending with the errors of laws fitted to tension.
 
-    The errors are those of simulations in plane strain, and of simulations with a solid section.
+    The errors are computed by simulations in plane strain, and by simulations with a solid section.
     """
     kinds = untwisted(findings)
     rows = []

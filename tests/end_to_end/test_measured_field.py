@@ -56,7 +56,7 @@ timeout_s = 30.0
 
 
 def write_bench(folder: Path, sensors: str) -> None:
-    """Write a virtual rig whose coil constant and background field differ from those in its calibration file.
+    """Write a virtual rig whose true coil constant and background field differ from the values in its calibration file.
 
     sensors: TOML text that describes the sensors of the rig.
     """

@@ -15,7 +15,10 @@ STATES = 8
 
 
 def experiments() -> list[Experiment]:
-    """Return an experiment with edges and one with tracked points; all coordinates equal the index of their state."""
+    """Return two experiments (beam model, loads and measurements): one with edges and one with tracked points.
+
+    All coordinates of a state equal the index of this state.
+    """
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))

@@ -104,7 +104,7 @@ def test_buckling_is_detected_when_all_states_are_solved_at_once():
 
 
 def upright() -> Experiment:
-    """Return an experiment with the edges of an upright beam with a modulus of 46 kPa in two states."""
+    """Return an experiment (beam model, loads and edges) of an upright beam with a modulus of 46 kPa in two states."""
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
     model, loads = BeamModel(specimen, 8), Loads.along([0.0, 6.0], gravity_angle_deg=180.0)
     left, right = points_on(edge_curves(model, model.solve(NEO, [[46e3]], loads))[0], 1)[:, :, 1:-1].swapaxes(0, 1)

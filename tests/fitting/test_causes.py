@@ -54,8 +54,8 @@ def fit_of(
 
     specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
     stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.
-    seen: maps true positions to those in the picture. is_rest_measured: True if the fit uses the shape at rest that the
-    states without a field show. last: end of the slice of the points on each edge; None: the points reach the tip.
+    seen: maps true positions to positions in the picture. is_rest_measured: True if the fit uses the shape at rest that
+    the states without a field show. last: end of the slice of the points on each edge; None: the points reach the tip.
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))

@@ -51,7 +51,7 @@ def noisy_edges(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment with edges and the dimensions of `beam`.
+    """Return an experiment (beam model, loads and measured edges) with the dimensions of `beam`.
 
     stated: standard uncertainties of the inputs, by the names of the inputs.
     """

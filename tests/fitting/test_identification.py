@@ -25,7 +25,10 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Return an experiment with noisy edges of a known material, simulated on a finer mesh than the mesh of the fit."""
+    """Return an experiment (beam model, loads and noisy edges) of a beam of a known material.
+
+    The edges are simulated on a finer mesh than the mesh of the fit.
+    """
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)

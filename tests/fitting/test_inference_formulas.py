@@ -542,7 +542,7 @@ def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -
 def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
     """Return the linearised residuals of a fit with two unknowns, a parameter of the law and a nuisance.
 
-    A nuisance is an uncertain input that the fit estimates too. The residuals are those of two states, two rows of a
+    A nuisance is an uncertain input that the fit estimates too. There are residuals of two states, two rows of a
     tensile curve, the nuisance and a prior on the law. unit: both unknowns in coordinates of the search, from 0 to 1.
     """
     rng = np.random.default_rng(8)

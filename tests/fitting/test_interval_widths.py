@@ -90,7 +90,7 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 @pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
 @pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
-    """The computed variance is that of repeated measurements, with correlated points and with a prior.
+    """The computed variance equals the variance of repeated measurements, with correlated points and with a prior.
 
     share: precision of the prior relative to the precision of the data.
     """

@@ -37,8 +37,9 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Return an experiment with noisy edges of a known law.
+    """Return an experiment (beam model, loads and noisy edges) of a beam with a known law.
 
+    model, parameters: the law. gravity: direction of gravity in the beam frame (degrees), None without gravity.
     field_factor: true field divided by the field in the file. turned_deg: roll of the camera (degrees).
     """
     rng = np.random.default_rng(1)

@@ -41,7 +41,7 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return an experiment with edges of a beam whose magnet is tilted, although the file of the beam gives no tilt.
+    """Return an experiment (beam model, loads and edges) with a tilted magnet, whose file gives no tilt.
 
     stated_deg: standard uncertainty of the tilt in the file (degrees); None if the file gives no uncertainty.
     """

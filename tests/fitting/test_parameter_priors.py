@@ -19,7 +19,10 @@ NOISE_MM = 0.05
 
 
 def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
-    """Return an experiment with nine noisy markers on a horizontal strip of a known law under tip forces (N)."""
+    """Return an experiment (beam model, loads, points): nine noisy markers on a horizontal strip under tip forces (N).
+
+    model, parameters: the known law of the strip.
+    """
     beam = BeamModel(STRIP)
     loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])

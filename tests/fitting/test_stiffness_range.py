@@ -27,7 +27,7 @@ GEL = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2
 
 
 def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
-    """Return an experiment with readings of a dial gauge at the tip of a steel rod under tip forces (N).
+    """Return an experiment (beam model, loads, points): a dial gauge at the tip of a steel rod under tip forces (N).
 
     The reading is F L^3 / (3 E I), relative to the rod under its own weight, plus `offset_mm`.
     """
@@ -42,7 +42,10 @@ def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
 
 
 def gel(modulus_Pa: float) -> Experiment:
-    """Return an experiment with points on a beam of this modulus (Pa), in fields that bend it like a silicone beam."""
+    """Return an experiment (beam model, loads, points) with a beam of this modulus (Pa).
+
+    The fields bend the beam as much as a silicone beam.
+    """
     loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
     model = BeamModel(GEL).refined()
     rest = np.column_stack([np.linspace(3, 24, 8), np.zeros(8)])

@@ -1,4 +1,4 @@
-"""A recording of a strip is divided into ring-downs at each new flick, and nowhere else."""
+"""A recording of a strip is divided into ring-downs (free vibrations) at each new flick, and nowhere else."""
 
 from __future__ import annotations
 

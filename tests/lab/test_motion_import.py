@@ -1,4 +1,4 @@
-"""Ring-downs and creep are imported on the command line as tracked points."""
+"""Ring-downs (free vibrations of a beam) and creep are imported on the command line as tracked points."""
 
 from __future__ import annotations
 

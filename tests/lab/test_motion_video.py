@@ -1,4 +1,4 @@
-"""Ring-downs are imported from rendered videos of a horizontal strip that was flicked."""
+"""Ring-downs (free vibrations) are imported from rendered videos of a horizontal strip that was flicked."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 
 
 def bent() -> Experiment:
-    """Return an experiment with the points that `places` returns."""
+    """Return an experiment (beam model, loads and measured points) with the points that `places` returns."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     observed = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
     return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), observed)
@@ -63,8 +63,8 @@ def fit(
 ) -> tuple[int, str]:
     """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
 
-    points: the points, shape (3, 6, 2), by default those that `places` returns. fields: the field in each state (mT).
-    gravity: direction of gravity in degrees, as text. magnet: the table [magnet] of the specimen file.
+    points: the points, shape (3, 6, 2), by default the points that `places` returns. fields: the field in each state
+    (mT). gravity: direction of gravity in degrees, as text. magnet: the table [magnet] of the specimen file.
     """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"

@@ -1,4 +1,4 @@
-"""`eimi segment` makes ring-downs and creep from recorded frames: it follows the beam through the frames."""
+"""`eimi segment` follows the beam through recorded frames, and stores its motion: a free vibration or creep."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run records ring-downs after its states: the current steps to zero, and every frame is stored."""
+"""A run records ring-downs (free vibrations) after its states: the current steps to zero, and all frames are stored."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from eimi_lab.vision.projection import _CHANNELS
 
 
 def test_grey_is_the_luma_of_opencv_and_a_channel_is_itself() -> None:
-    """The weights of the grey value are those of ITU-R BT.601; the channels are blue, green, red."""
+    """The grey value has the weights of ITU-R BT.601; the channels are blue, green, red."""
     colours = np.random.default_rng(1).integers(0, 256, (50, 1, 3), dtype=np.uint8)
     places = {"blue": colours[..., 0], "green": colours[..., 1], "red": colours[..., 2]}
     places["grey"] = cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)
@@ -107,7 +107,7 @@ def test_every_sign_of_latex_is_escaped() -> None:
     ],
 )
 def test_the_media_type_of_a_published_file(ending: str, media_type: str) -> None:
-    """The types are those of the registry of IANA; HDF5 has the usual name, because it is not registered."""
+    """Published files have the media types of the IANA registry; HDF5, which is not registered, has its usual type."""
     assert MEDIA_TYPES.keys() == {".h5", ".toml", ".json", ".inp", ".feb", ".html"}
     file = PublishedFile(PurePosixPath(f"a{ending}"), Path("a"), "other", 1, "", "", "")
     assert file.media_type == media_type

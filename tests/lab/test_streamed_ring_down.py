@@ -1,4 +1,7 @@
-"""A ring-down with frames from another process reports every lost frame, even if the computer is busy."""
+"""A run that records a free vibration with frames from another process reports every lost frame.
+
+This is also the case if the computer is busy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`eimi fit --time prony` fits imported ring-downs: results, refusals, material cards and report."""
+"""`eimi fit --time prony` fits a viscoelastic (Prony) law to imported ring-downs (free vibrations).
+
+The law is in the results, in material cards and in the report. Data that cannot be fitted are refused.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 def flick() -> tuple[str, float, float]:
     """A ring-down of a horizontal strip as CSV text, and the true storage modulus (Pa) and loss factor of the strip.
 
-    Storage modulus and loss factor are those at the frequency of the ring-down.
+    A ring-down is a free vibration. Storage modulus and loss factor belong to the frequency of this vibration.
     """
     specimen = Specimen(40.0, 6.0, 12.0, 1070.0, section="plane-stress")
     beam = RingingBeam(specimen, Loads.along([0.0], gravity_angle_deg=-90.0), LAWS["neo-hookean"], np.ones(1))

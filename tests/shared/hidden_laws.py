@@ -1,6 +1,6 @@
 """Draw hyperelastic laws at random as sums of one to three terms, and simulate measurements of these laws.
 
-The terms are those of the library from which a discovery, the search for an unknown law, chooses.
+The terms come from the library from which a discovery (the search for an unknown law) chooses.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ class Hidden:
         """Return a law with random terms and a random shear modulus.
 
         The share of each term in the largest tensile stress is random, too.
-        off: largest factor by which the constants Jm, b and alpha of the terms differ from those in the library.
+        off: largest factor by which the constants Jm, b and alpha of the terms differ from the constants in the
+        library.
         """
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)

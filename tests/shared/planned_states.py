@@ -62,7 +62,7 @@ class Bench:
 
 
 def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Generator) -> Experiment:
-    """Return a simulated experiment: edges of a beam whose true values deviate at random from those in the files."""
+    """Return a simulated experiment: edges of a beam whose true values deviate at random from its files."""
     deviations = {
         s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in bench.stated
     }

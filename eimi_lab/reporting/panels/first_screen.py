@@ -29,7 +29,8 @@ _LAST = 6  # the close-up shows the last 1/6 of the edges
 def edges_over_frames(contents: DatasetContents, simulated: Prediction[ShownFit] | None) -> Drawing:
     """Draw measured edges (dots) and simulated edges (lines) over frames.
 
-    The frames are those of the smallest and the largest load. The last axes show the tip at the largest load.
+    The frames show the beam under the smallest and under the largest load. The last axes show the tip at the largest
+    load.
     """
     crop = crop_of(contents)
     states = some_states(contents, 2)

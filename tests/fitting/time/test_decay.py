@@ -125,7 +125,10 @@ def test_frames_in_which_a_hand_still_touches_the_beam_are_left_out_and_reported
 
 
 def touched(from_s: float, to_s: float, loss: float = 0.6) -> Motion:
-    """Return a ring-down in which a hand adds stiffness and loss between two times; `loss` is the loss factor then."""
+    """Return a ring-down (free vibration) in which a hand adds stiffness and loss between two times.
+
+    loss: the loss factor between these two times.
+    """
     motion = recorded(rate_Hz=100.0, seconds=4.0)
     time = motion.time_s[:, 0]
     is_held = (time >= from_s) & (time < to_s)
