@@ -12,7 +12,7 @@ load, that is measured in the edges. The first line of a fit gives the error of 
 noise and mesh. The line also says whether the 95 % interval from all uncertainties in the files contains the true
 modulus. The second line gives the rank of the true cause among the compared causes. The last lines count the ranks.
 
---both      The fields have both polarities, and increase and then decrease.
+--both      The fields have both signs, and increase and then decrease.
 --measured  Only the fits with the measured rest shape are made.
 --rendered  A picture of each state is rendered, and the edges are found in the picture.
 --planar    The true beam and the beam of the fit are in plane stress, which takes a fifth of the time.

@@ -2,12 +2,12 @@
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 
-Each experiment is a virtual measurement, as in `benchmarks.coverage`. A state is one load step: a field, and where the
-plan may choose them also a mounting, a tip weight and a specimen. The true value of every source of uncertainty in the
-bench examples is drawn at random. The true beam is simulated on a finer mesh, and its edges get white and correlated
-noise. The fit knows only the nominal values. A first run has equally spaced fields, and the plan uses only the fit of
-this run. Planned states and the same number of equally spaced states are then measured. The table compares the
-half-widths of the 95 % intervals of the initial shear modulus.
+Each experiment is a virtual measurement, as in `benchmarks.coverage`. A state is one load step with its field. A plan
+may also choose the mounting (the direction of gravity), the weight at the tip and the specimen. The true value of every
+source of uncertainty in the bench examples is drawn at random. The true beam is simulated on a finer mesh, and its
+edges get white and correlated noise. The fit knows only the nominal values. A first run has equally spaced fields, and
+the plan uses only the fit of this run. Planned states and the same number of equally spaced states are then measured.
+The table compares the half-widths of the 95 % intervals of the initial shear modulus.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def row(
     name : str
         A description of what the plan may choose.
     before : Setting
-        The mounting and the specimen of the first run.
+        The mounting (direction of gravity, tip weight) and the specimen of the first run.
     after : sequence of Setting
         The mountings and specimens from which the plan chooses.
     bench : Bench
@@ -74,8 +74,8 @@ def row(
 def main() -> None:
     """Print a table that compares planned states with equally spaced states.
 
-    The plan of the first row may choose the fields only. The plans of later rows may also choose the mounting, a tip
-    weight, and the shape of the specimen.
+    The plan of the first row may choose the fields only. The plans of later rows may also choose the mounting (the
+    direction of gravity), a tip weight, and the shape of the specimen.
     """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")

@@ -45,7 +45,7 @@ def population(name: str, size: int) -> np.ndarray:
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the shortest processor time (s) of several solutions of one batch of candidates.
+    """Return the shortest processor time (s) of several solutions of one batch of candidates (sets of parameters).
 
     A first solution, which is not counted, computes tables that the later solutions use again.
     """
@@ -98,7 +98,7 @@ def main() -> None:
 def slope(points: list[tuple[int, float]]) -> float:
     """Return the slope of log(cost) against log(number), from the last three pairs (number, cost).
 
-    The number counts candidates, states or elements.
+    The number counts candidates (sets of parameters), states (load steps) or elements.
     """
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 

@@ -204,7 +204,10 @@ maximum = 12.0
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported, more than `TRIES_FOR_S` (s) ago, that it cannot identify the supply."""
+        """Return whether the guardian reported, more than `TRIES_FOR_S` (s) ago, that it cannot identify the supply.
+
+        The guardian is the process that switches the coil off if the run dies.
+        """
         reported_s = [at_s for line, at_s in zip(self.lines, self.arrived_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
@@ -237,7 +240,7 @@ maximum = 12.0
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:
-        """Wait for the end of the run and of its guardian, and return the exit status of the run.
+        """Wait for the end of the run and of its guardian process, and return the exit status of the run.
 
         The run is killed if it does not end. A guardian keeps trying for an hour if it switched off a supply but could
         not confirm the identity of the supply. This guardian is ended after `TRIES_FOR_S` seconds.

@@ -206,7 +206,7 @@ def verification(axes: Axes) -> None:
 
 
 def speed(axes: Axes) -> None:
-    """Draw the tangent stiffness matrices of several candidates as blocks of one band matrix."""
+    """Draw the tangent stiffness matrices of several candidates (sets of parameters) as blocks of one band matrix."""
     for block in range(4):
         start = 3.2 * block
         corners = BLOCK + np.array([start, -start])
@@ -239,7 +239,7 @@ def paper(axes: Axes) -> None:
 
 
 def safety(axes: Axes) -> None:
-    """Draw the three devices that can switch the coil off: the run, the guardian and the supply."""
+    """Draw the three parts that can switch the coil off: the run, its guardian (a separate process) and the supply."""
     box(axes, (0, 2.2), (2.2, 1), "run", SKY)
     box(axes, (0, 0), (2.2, 1), "guardian,\na process of its own", ORANGE)
     box(axes, (4.6, 1.1), (2.0, 1), "supply\n(watchdog)", SILICONE)

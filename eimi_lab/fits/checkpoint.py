@@ -1,7 +1,7 @@
 """Log the generations of a fit or of a grid of fits, so that an interrupted fit can be resumed.
 
 A checkpoint consists of JSON lines. The first line gives the laws, data and options of the fits. Each generation adds a
-line with the objectives of its candidates, and each finished fit adds a line.
+line with the objectives (misfits) of its candidates (trial parameters), and each finished fit adds a line.
 
 CMA-ES is deterministic: with the same seed and the same objectives it proposes the same candidates. A resumed search
 therefore reads the logged objectives and does not compute them. Numbers are written with all their digits, so that

@@ -63,7 +63,7 @@ class Evidence:
     states : tuple of State
         The used states. A state is one load step: the beam at rest under one current and one weight.
     used : StatesUsed
-        The indices and flags of the used states and of the states left out.
+        The indices of the used states and of the states left out, with their flags (failed quality checks).
     taken_as_exact : tuple of str
         Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
         its keys; if a calibration gives none, `calibration` stands for its keys.

@@ -31,7 +31,8 @@ def remarks(fit: FitRecord) -> list[str]:
     """Return lines on the details of one fit.
 
     The lines concern the quantities that the data determine, the sources of uncertainty, uncertain inputs that were
-    fitted, tensile curves, causes of the residuals, the grade (support by the data) and reasons to distrust the fit.
+    fitted, tensile curves, possible causes of the residuals, the grade (support by the data) and reasons to distrust
+    the fit.
     """
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]

@@ -73,7 +73,7 @@ class Mounting:
         return 1e-3 * STANDARD_GRAVITY * self.tip_weight_g
 
     def in_words(self) -> str:
-        """Return a text with the specimen, direction of gravity, weight at the tip and polarities of a mounting."""
+        """Return a text with specimen, direction of gravity, weight at the tip, and the signs of the current."""
         gravity = "no gravity" if self.gravity_angle_deg is None else f"gravity at {self.gravity_angle_deg:g}°"
         weight = f", {self.tip_weight_g:g} g at the tip" if self.tip_weight_g else ""
         both = ", both polarities" if self.both_polarities else ""

@@ -1,4 +1,4 @@
-"""The states of a dataset that a fit used, and the flags of the states that were left out."""
+"""The states of a dataset that a fit used and left out, with the flags (failed quality checks) of these states."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ def summaries(path: Path) -> list[dict[str, Any]]:
 
     A summary contains the modulus and the parameters of the law with their 95 % intervals, and the error of each state
     against the field. It also contains the uncertainty budget (the sources of uncertainty with the contribution of each
-    source to the modulus in percent), the doubts about the result, and the error in each generation of the search.
+    source to the modulus in percent), the doubts (reasons to distrust the result), and the error in each generation of
+    the search.
 
     Raises
     ------

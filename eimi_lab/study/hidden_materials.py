@@ -29,7 +29,9 @@ class _OfOneShape(InvariantLaw):
     coordinates = (_MODULUS,)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the initial shear modulus of P candidates in Pa, shape (P, 1); it is the only parameter of the law.
+        """Return the initial shear modulus of P candidates (sets of parameters) in Pa, shape (P, 1).
+
+        This modulus is the only parameter of the law.
 
         `x` holds the search coordinate of each candidate, shape (P, 1).
         """

@@ -47,7 +47,7 @@ class _Counted:
     values: list[float] = field(default_factory=list)
 
     def evaluate(self, units: Array) -> Evaluation:
-        """Evaluate and record P candidates, and return the evaluation.
+        """Evaluate and record P candidates (sets of parameters), and return the evaluation.
 
         `units` holds the n coordinates of each candidate in the unit cube, shape (P, n).
         """
@@ -57,14 +57,14 @@ class _Counted:
         return evaluation
 
     def objective(self, unit: Array) -> float:
-        """Evaluate and record one candidate, and return the objective of the candidate in mm.
+        """Evaluate and record one candidate (set of parameters), and return its objective, the mean error in mm.
 
         `unit` holds the n coordinates of the candidate in the unit cube, shape (n,).
         """
         return float(self.evaluate(unit[None]).objective_mm[0])
 
     def moduli_Pa(self) -> Array:
-        """Return, for each of m evaluations, the modulus of the best candidate so far (Pa), shape (m,)."""
+        """Return the modulus (Pa) of the best parameters after each of m evaluations, shape (m,)."""
         values = np.array(self.values)
         best = np.maximum.accumulate(np.where(values <= np.minimum.accumulate(values), np.arange(len(values)), 0))
         parameters = self.problem.unknowns.parameters(np.array(self.units)[best])
@@ -162,7 +162,9 @@ def _run(optimiser: Callable[[_Counted, int, int], None], problem: Problem, seed
 
 
 def _reached(moduli_Pa: Array, target_Pa: float) -> int | None:
-    """Return the number of evaluations after which the best candidate's modulus stays within one per cent of a target.
+    """Return the number of evaluations after which the modulus stays within one per cent of a target.
+
+    `moduli_Pa` holds the modulus of the best parameters after each evaluation.
 
     Return None if the last modulus is not within one per cent of the target.
     """

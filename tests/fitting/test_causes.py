@@ -1,4 +1,7 @@
-"""The likely cause of the residuals of a fit is found, on virtual benches with one error each and in linear models."""
+"""The likely cause of the residuals of a fit, such as a tilted camera, is found.
+
+The tests use virtual benches with one error each, and linear models.
+"""
 
 from __future__ import annotations
 

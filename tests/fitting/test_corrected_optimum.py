@@ -1,4 +1,4 @@
-"""The local optimisation of a fit reaches the optimum, also from a candidate that is unstable on the finer mesh."""
+"""The local optimisation of a fit reaches the optimum, also from parameters that are unstable on the finer mesh."""
 
 from __future__ import annotations
 

@@ -132,7 +132,9 @@ def comparison(mean_mm: list[float], states: int = 4) -> Any:
 
 
 def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
-    """Return the evaluation of several candidates; `z` has one row of standardised residuals for each candidate.
+    """Return the evaluation of several candidates (sets of parameters) as the search receives it.
+
+    `z` has one row of standardised residuals for each candidate.
 
     The columns of `z` belong to a row of a tensile curve, a nuisance (an uncertain input) and a prior on the law.
     mean_mm: the mean error of the edges for each candidate. states: number of states (load steps).

@@ -1,6 +1,6 @@
 """If a camera returns no image, or an image of another size or type than before, the run ends with the coil off.
 
-The error is one line of text. Frames whose number does not increase are flagged as duplicates.
+The error is one line of text. Frames whose number does not increase are reported as duplicates.
 """
 
 from __future__ import annotations

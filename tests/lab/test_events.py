@@ -1,4 +1,4 @@
-"""A run and its guardian process send their events in the right order, as lines of JSON.
+"""A run and its guardian (the process that switches the coil off) send their events in order, as lines of JSON.
 
 A reader that is slow, has ended or belongs to an earlier release does not disturb the run.
 """

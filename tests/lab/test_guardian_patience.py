@@ -65,7 +65,10 @@ WARD = Ward("korad", "/dev/nowhere", 1.0, 10.0)
 
 
 class Passing:
-    """A clock that replaces the module `time`; it advances only while the guardian process sleeps or waits."""
+    """A clock that replaces the module `time`; it advances only while the guardian sleeps or waits.
+
+    The guardian is the process that switches the coil off if a run dies.
+    """
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -210,7 +213,10 @@ class Attempts:
 
 
 class Process:
-    """A replacement for the process of a run; it records how often the guardian process kills the run."""
+    """A replacement for the process of a run; it records how often the guardian kills the run.
+
+    The guardian is the process that switches the coil off if a run dies.
+    """
 
     def __init__(self) -> None:
         self.killed = 0
@@ -400,7 +406,10 @@ def test_a_current_that_the_run_cannot_stop_is_reported_and_left_to_the_guardian
 
 
 class Surroundings:
-    """The parts of the system around the guardian; `done` lists what the guardian did with them, in order."""
+    """Replacements for the parts of the system that the guardian uses; `done` lists the calls of the guardian in order.
+
+    The guardian is the process that switches the coil off if a run dies.
+    """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, takeover: Takeover | None, ends_with_others: bool) -> None:
         self.done: list[object] = []

@@ -49,7 +49,7 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil or a guardian process, which appends its calls to one list.
+    """A replacement for a coil or for the guardian process, which switches coils off; it appends its calls to a list.
 
     `errors` contains, by the name of a method, the error that a call of this method raises.
     """
@@ -77,7 +77,10 @@ def heeded(did: list[Any], coil: Any, guardian: Any) -> _SignalsHeeded:
 
 
 class Heeding:
-    """A run with a recorded coil and a recorded guardian, and the object that handles the signals of the run."""
+    """A run whose coil and guardian record their calls, and the object that handles the signals of the run.
+
+    The guardian is the process that switches the coil off if a run dies.
+    """
 
     def __init__(self) -> None:
         self.did: list[Any] = []
@@ -345,7 +348,10 @@ class Traced:
 
 
 def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
-    """The output is on only while the guardian is armed; each state is settled, checked, recorded and stored."""
+    """The output is on only while the guardian process is ready to switch it off.
+
+    In each state, the run waits for rest, checks the current, takes frames and stores them, in this order.
+    """
     did: list[str] = []
     recorder = Recorder([], "guardian")
     air = OpenSensor(

@@ -1,4 +1,4 @@
-"""A user may give values about the pictures (clamp, axis, region, polarity, colours); errors ask for missing values."""
+"""A user may give values about the pictures, such as clamp, axis and colours; errors ask for missing values."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """If a user has clicked points on the beam and no beam is found, the only flag is NOT_FOLLOWED.
+    """If a user has clicked points on the beam and no beam is found, the only flag (warning) is NOT_FOLLOWED.
 
     The advice then concerns the options for the search. It does not concern a back-light or further clicks.
     """

@@ -172,7 +172,10 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
 
 @pytest.mark.parametrize("against_a_rival", [False, True])
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
-    """A plan begins with the mounting of the narrowest interval or, with a rival law, the largest difference of AIC."""
+    """The first run of a plan has the narrowest interval or, with a rival law, the largest difference of AIC.
+
+    The runs differ in their mounting, such as the direction of gravity.
+    """
     expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
     specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")
     fit = SimpleNamespace(model="yeoh")

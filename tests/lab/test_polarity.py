@@ -1,4 +1,7 @@
-"""States of both polarities work on a supply that cannot reverse its current, a bipolar one, and the virtual rig."""
+"""A protocol with both polarities (signs of the current) works on supplies with and without a reversible current.
+
+It also works on the virtual rig.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ def with_both(protocol: Protocol, more: str = "") -> Protocol:
 
 @pytest.fixture
 def bench(setup: Any) -> Any:
-    """A bench whose supply cannot reverse its current, with a protocol of both polarities."""
+    """A bench whose supply cannot reverse its current, with a protocol of both polarities (signs of the current)."""
     setup.protocol = with_both(setup.protocol)
     return setup
 

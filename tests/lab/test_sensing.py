@@ -1,4 +1,7 @@
-"""Readings of the sensors of a rig are stored with every frame, and an interlock on a sensor ends a run."""
+"""Readings of the sensors of a rig are stored with every frame.
+
+A run ends if a reading leaves the bounds of an interlock.
+"""
 
 from __future__ import annotations
 

@@ -92,7 +92,10 @@ def test_blur_moves_neither_edge_of_a_bent_beam() -> None:
 
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
 def test_the_beam_of_the_given_polarity_is_followed(polarity: str) -> None:
-    """Of a dark and a bright stripe at equal distances from the clamp, the one with the given polarity is followed."""
+    """Of a dark and a bright stripe at equal distances from the clamp, the stripe of the given kind is followed.
+
+    polarity: "dark" or "bright".
+    """
     image = np.full((720, 960), 120.0)
     image[90:510, 432:474] = 50.0
     image[90:510, 486:528] = 190.0

@@ -239,8 +239,8 @@ def stripes(*shown, aside_px=0.0):
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
     """Segment a dataset with one picture of stripes for each state; return one text for each state.
 
-    The text is the colour of the stripe on which the edges lie, with ", in doubt" if the flag ROOT_AMBIGUOUS was
-    raised.
+    The text is the colour of the stripe on which the edges lie, with ", in doubt" if the flag (warning) ROOT_AMBIGUOUS
+    was raised. aside_px: shift of each picture to the right. workers, along: options of `eimi segment`.
     """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()

@@ -4,7 +4,7 @@ rendered_edges        frames of beams of known shape, and the errors of detected
 edge_methods          published methods of edge detection
 photographs           coloured beams in front of clutter
 lab_photographs       photographs of a bench with one difficulty each, from `lab_scene` and `lab_difficulties`
-flag_pictures         a picture for every flag
+flag_pictures         a picture for every flag (warning about edges)
 real_pictures         photographs of other people, with edges traced by hand
 solid_cases           errors of the solid model against known solutions
 virtual_measurements  measurements with every uncertain value drawn at random

@@ -37,7 +37,8 @@ _DARK = 20
 class Case:
     """An image, with the calibration and the specimen that a user gives for this image.
 
-    run_flags: flags that a run raises when it compares the frames of a state; `image` is then the mean of these frames.
+    run_flags: flags (warnings) that a run raises when it compares the frames of a state; `image` is then the mean of
+    these frames.
     calibration_age_days: age of the calibration in days, None if it is unknown.
     """
 
@@ -141,7 +142,7 @@ def _believed(**beam: float) -> Case:
 
 
 def _state(angles_deg: Sequence[float], numbers: Sequence[int], copied: bool = False) -> Case:
-    """Return the mean of several frames of one state, and the flags that the comparison of these frames raises.
+    """Return the mean of several frames of one state, and the flags (warnings) that their comparison raises.
 
     angles_deg: tip angle of the beam in each frame (degrees). numbers: the frame numbers. copied: whether the last
     frame is a copy of the frame before it.

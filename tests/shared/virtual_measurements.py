@@ -248,7 +248,7 @@ def outcome(case: Case) -> Outcome:
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
     """Return the effect of all drawn deviations on the modulus, in standard deviations of this effect.
 
-    The effect of each source is the slope of the modulus over this source in the posterior draws of the estimate.
+    The effect of each source is the slope of the modulus over this source in the random samples of the estimate.
     """
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])

@@ -95,7 +95,7 @@ def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] 
     printed : callable
         Function from the content of a record to the printed texts, by name.
     skip : tuple of str
-        Beginnings of the paths of numbers that no text contains, such as draws.
+        Beginnings of the paths of numbers that no text contains, such as the random samples of a result.
     """
     before = {name: _numbers(text) for name, text in printed(content).items()}
     values = numbers_of(content)
