@@ -1,4 +1,4 @@
-"""The documentation: every command runs in order, generated pages are up to date, and the site builds.
+"""Every command of the documentation runs in order, generated pages are up to date, and the site builds.
 
 A comment before a block of commands gives an exception: `<!-- not run: why -->`; `<!-- refused -->` if the block ends
 with status 2; `<!-- short: command -->` with a command that replaces the block unless slow tests run. Blocks with a

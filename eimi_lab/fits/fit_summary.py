@@ -175,7 +175,10 @@ def _percent(value: float) -> str:
 
 
 def comparison_table(choices: Sequence[Choice]) -> list[str]:
-    """Return the lines of a table that compares the laws; empty if the laws cannot be compared."""
+    """Return the lines of a table that compares the laws.
+
+    The list is empty if the laws cannot be compared, because they were not fitted to the same data.
+    """
     if not choices:
         return []
     lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]

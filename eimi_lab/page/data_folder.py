@@ -111,7 +111,7 @@ class DataFolder:
         return sorted(listed, key=lambda entry: (entry.kind != "folder", -entry.changed_s, entry.name))
 
     def _kind(self, entry: os.DirEntry[str]) -> str:
-        """Return the kind of an entry. The text is empty if the web page does not show the entry."""
+        """Return the kind of an entry, such as "folder" or "dataset"; empty if the web page does not show the entry."""
         if entry.name.startswith("."):
             return ""
         try:

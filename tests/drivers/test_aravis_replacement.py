@@ -1,4 +1,6 @@
-"""The driver aravis with a replacement of the library Aravis: what it calls, in which order, and how long it waits.
+"""The camera driver `aravis` calls the library Aravis in the right order and waits for the right times.
+
+The tests use a replacement for the library.
 
 The replacement answers at once and moves a simulated clock. `test_aravis_camera` and `test_aravis_faults` test the
 driver with the library and its emulated camera.

@@ -1,4 +1,4 @@
-"""The file that describes the emulated GigE camera is consistent, and has the registers and values of its sources."""
+"""The file that describes the emulated GigE camera is consistent, and agrees with the standard and with Aravis."""
 
 from __future__ import annotations
 

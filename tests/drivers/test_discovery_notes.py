@@ -1,4 +1,7 @@
-"""The search for instruments lists each instrument once, notes how to add what is missing, and names added drivers."""
+"""The search for attached instruments lists each instrument once.
+
+It also says how to install a missing library, and lists the drivers that other packages add.
+"""
 
 from __future__ import annotations
 

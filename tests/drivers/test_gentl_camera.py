@@ -1,4 +1,7 @@
-"""The driver gentl works with the emulated camera of the package genicam, which has no trigger and no exposure time."""
+"""The camera driver `gentl` works with the emulated camera of the package genicam.
+
+This camera has no trigger and no exposure time.
+"""
 
 from __future__ import annotations
 

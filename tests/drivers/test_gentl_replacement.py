@@ -1,4 +1,6 @@
-"""The driver gentl opens, sets and releases a camera, with replacements for harvesters and genicam.
+"""The camera driver `gentl` opens a camera, writes its settings and releases it.
+
+The tests use replacements for the packages harvesters and genicam.
 
 `test_gentl_camera` tests the driver with these packages, if they are installed. `test_time_limits` tests its frames.
 """

@@ -1,4 +1,6 @@
-"""The emulated GigE camera and its process, with replacements for Aravis and for the process.
+"""The emulated GigE camera starts, delivers pictures and ends correctly in its process.
+
+The tests use replacements for the library Aravis and for the process.
 
 The binding of Aravis is tested with replacements for the shared libraries. `test_aravis_camera` tests all of these with
 Aravis itself.

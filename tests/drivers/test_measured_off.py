@@ -1,4 +1,4 @@
-"""A supply counts as off only if no current is measured, even if its set-point and its output read back as off."""
+"""A supply counts as off only if no current is measured, even if it reports that its output is off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The driver opencv works with real files, and with a simulated device that has the faults of real devices."""
+"""The camera driver `opencv` works with video files, and with a simulated device with the faults of real devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Single properties of drivers, recordings, settings and emulated instruments on which users rely."""
+"""Drivers, recordings, settings and emulated instruments have some further properties on which users rely."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A whole run over real communication protocols, with the commands of the how-to on an emulated bench."""
+"""The commands of a how-to page measure and fit a beam on an emulated bench, over real communication protocols."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run with an emulated gaussmeter: the fit uses the measured field instead of the coil constant, which is wrong."""
+"""After a run with an emulated gaussmeter, the fit uses the measured field instead of a wrong coil constant."""
 
 from __future__ import annotations
 

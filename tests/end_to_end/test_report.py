@@ -1,4 +1,4 @@
-"""Reports on datasets with and without a fit, with fits to bending and to tension."""
+"""A report shows datasets with and without a fit, and fits to bending beside fits to tension."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A short form of the comparison with FElupe, an independent finite-element program."""
+"""FElupe, an independent finite-element program, gives the same bending of a beam with a magnet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Possible causes that change the loads or the law: each change is compared with what its description says."""
+"""Each possible cause of residuals that concerns the loads or the law changes them as its description says."""
 
 from __future__ import annotations
 

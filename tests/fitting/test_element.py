@@ -1,4 +1,4 @@
-"""In the planar element, forces, tangent and predicted stress are derivatives of one energy and have its symmetries."""
+"""In the planar element, forces and tangent stiffness are derivatives of one energy and have its symmetries."""
 
 from __future__ import annotations
 
@@ -122,7 +122,10 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return the forces (x, y) on the nine nodes of the element, shape (2, 9), if its nodes are at `places`, (2, 9)."""
+    """Return the forces (x, y) on the nine nodes of one element, shape (2, 9).
+
+    places: positions (x, y) of the nodes, shape (2, 9). pressure: pressures of the element. batch: the law.
+    """
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]
 

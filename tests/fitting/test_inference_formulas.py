@@ -1,4 +1,4 @@
-"""The formulas of the inference, each on numbers that can be checked by hand or against an exhaustive search."""
+"""The formulas of the inference are right for numbers that can be checked by hand or by an exhaustive search."""
 
 from __future__ import annotations
 
@@ -909,9 +909,9 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return a candidate for the upper end of the interval of the first of two coordinates.
+    """Return a trial point for the upper end of the interval of the first of two coordinates.
 
-    The candidate is at 0.6, and the optimum is at 0.5.
+    The trial point is at 0.6, and the optimum is at 0.5. changed: attributes with other values.
     """
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))

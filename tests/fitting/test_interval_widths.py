@@ -1,4 +1,4 @@
-"""Widths of intervals and their contributions agree with repeated measurements and with sums by hand."""
+"""The widths of intervals agree with repeated measurements; the contributions to a width agree with sums by hand."""
 
 from __future__ import annotations
 

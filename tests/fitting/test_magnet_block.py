@@ -1,4 +1,4 @@
-"""A magnet with silicone beside it agrees with a very stiff part of the mesh, and in limiting cases."""
+"""A rigid magnet with silicone beside it bends the beam as a very stiff part of the mesh does."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A magnet that is magnetised at an angle to the beam.
+"""A magnet that is magnetised at an angle to the beam has the right torque, and a fit can find this angle.
 
-The tests check its torque, the share of this angle in the interval of the modulus, and fits to both polarities.
+The angle can be found if both signs of the current were measured. Otherwise it widens the interval of the modulus.
 
 The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
 rotation of a uniform field. In an independent solid model of 27-node hexahedra, three degrees change the modulus of

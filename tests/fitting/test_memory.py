@@ -1,4 +1,4 @@
-"""Memory of solutions with many states: only the results grow with the number of states, not the temporary arrays."""
+"""With the number of states (load steps), only the memory for the results grows, and not for temporary arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The outline of a bent solid as a camera sees it: the faces lie within the outline and touch it."""
+"""The computed outline of a bent solid, as a camera sees it, encloses the faces of the solid and touches them."""
 
 from __future__ import annotations
 

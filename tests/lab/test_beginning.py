@@ -1,4 +1,4 @@
-"""The first steps of a new user: template files, a printed board, and errors about exchanged arguments."""
+"""A new user gets template files and a board to print; an error names a file that is given for the wrong argument."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`eimi calibrate` on the command line, with rendered pictures of known boards, beams, rulers and threads."""
+"""`eimi calibrate` finds scale, distortion and directions in rendered pictures of boards, beams, rulers and threads."""
 
 import os
 import re

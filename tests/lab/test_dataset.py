@@ -1,4 +1,4 @@
-"""Datasets: states are read back as they were written, also from a file that was never closed."""
+"""The states of a dataset are read as they were written, also from a file that was never closed."""
 
 from __future__ import annotations
 

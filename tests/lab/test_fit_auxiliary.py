@@ -1,4 +1,4 @@
-"""`eimi fit` on real dataset files, with tensile curves, with freed inputs, and with wrong data.
+"""`eimi fit` uses tensile curves and freed inputs, and refuses wrong data or stores a doubt (warning).
 
 A freed input is an uncertain value of the bench that the fit estimates together with the law.
 """

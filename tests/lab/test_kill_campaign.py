@@ -1,4 +1,4 @@
-"""A short kill campaign, in which runs are killed at random times.
+"""Runs that are killed at random times leave the coil off, and their states are stored.
 
 `python -m benchmarks.kill_campaign --runs 500` is the long campaign.
 """

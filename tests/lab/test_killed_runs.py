@@ -1,4 +1,4 @@
-"""Whole runs on the command line are interrupted by each signal and by a kill, on a supply with a real transport.
+"""A whole run that is interrupted by a signal or killed leaves the coil off, and its states are stored.
 
 The supply is emulated in the process of the test, so that the supply outlives the run and the test can observe the
 current in the coil.

@@ -1,4 +1,4 @@
-"""The perspective of a lens that the calibration does not give is measured on the edges."""
+"""If the calibration does not give the distance of the lens, this distance is estimated from the edges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""If one of some faults occurs while the coil carries its full current, the run ends with the coil off.
+"""After a fault while the coil carries its full current, the run ends with the coil off. Some faults are tested.
 
 `python -m benchmarks.off_campaign --trials 5` is the whole campaign.
 """

@@ -1,6 +1,6 @@
-"""Videos of a phone are imported.
+"""Videos of a phone are imported, although their frame times are irregular and the camera moves.
 
-Their frame times are irregular, the camera moves, and points that a person clicks replace a calibration file.
+Points that a person clicks replace a calibration file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The table [uncertainty] in the files of a bench: its keys are checked, and its values widen the interval of a fit."""
+"""The values in the table [uncertainty] of a file widen the interval of a fit, and wrong keys are refused."""
 
 from __future__ import annotations
 

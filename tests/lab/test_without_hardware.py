@@ -1,4 +1,4 @@
-"""Runs without any instrument: a virtual beam in an emulated coil, and stored pictures in place of a camera."""
+"""A run needs no instrument: an emulated supply, a virtual beam or stored pictures can replace the instruments."""
 
 from __future__ import annotations
 

@@ -128,7 +128,9 @@ def make_bent_scene(
 
 
 def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array:
-    """Return the signed distances (mm), shape (n,), of n points from a dense edge; outward is positive.
+    """Return the signed distances (mm), shape (n,), of n points from an edge; outward is positive.
+
+    edge_mm: closely spaced points (x, y) of the true edge.
 
     outward: +1 for the edge on the +y side of the beam, -1 for the edge on the -y side.
     """

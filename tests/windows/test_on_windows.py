@@ -1,4 +1,4 @@
-"""Behaviour that differs on Windows: open files, locks, pipes, processes, ports and text. `.ci/windows` uses Wine."""
+"""Open files, locks, pipes, processes, ports and text work on Windows, too. The script `.ci/windows` uses Wine."""
 
 from __future__ import annotations
 

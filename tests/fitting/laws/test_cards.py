@@ -1,4 +1,7 @@
-"""Material cards: exact conversions, refusals, and runs of CalculiX with the cards that were written for it."""
+"""Material cards have the constants that each program expects; a law that a program lacks is refused.
+
+CalculiX reproduces the stress of each law from its card.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tensile fits: stresses in closed form, recovered parameters, intervals, and reference values for published data."""
+"""A fit to a tensile test finds the parameters of simulated curves, and has intervals that contain the truth.
+
+The stresses agree with closed forms, and fits of published curves have the published values.
+"""
 
 from __future__ import annotations
 

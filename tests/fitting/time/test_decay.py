@@ -1,4 +1,7 @@
-"""Frequency and loss follow from recorded ring-downs: gaps, drift, higher modes, large amplitudes, hanging weights."""
+"""Frequency and loss of a beam are found in recorded free vibrations (ring-downs).
+
+This is also the case with gaps, drift, higher modes, large amplitudes and hanging weights.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The table of complex frequencies that a fit interpolates is exact, and exposure reduces amplitudes as computed."""
+"""The complex frequencies of a vibrating beam, which a fit interpolates in a table, are exact.
+
+A long exposure reduces the amplitudes in the pictures as computed.
+"""
 
 from __future__ import annotations
 

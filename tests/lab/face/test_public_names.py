@@ -1,4 +1,4 @@
-"""The public names of `import eimi_lab as eimi`: no module hides a name, and modules are loaded on demand only."""
+"""All public names of `import eimi_lab as eimi` can be used, and their modules are loaded only when they are used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests from the dashboard to fit a dataset: wrong requests are refused, and a tab shows why a fit has failed."""
+"""The server of the dashboard refuses wrong requests to fit a dataset, and a tab shows why a fit has failed."""
 
 from __future__ import annotations
 
