@@ -1,4 +1,4 @@
-"""Write each message on a line to the log, and a summary when the line is closed."""
+"""Write each message that an instrument receives or sends to the log, and a summary when the connection is closed."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Profile:
     measure_voltage, measure_current : str
         The queries for the measured voltage (V) and current (A).
     protect : tuple of str
-        Messages that arm the protections inside the supply, which are sent before `on`.
+        Messages that arm (switch on) the protections inside the supply, which are sent before `on`.
     armed : tuple of (str, str)
         Queries that verify the protections, each with the level or the switch (0 or 1) that the supply must answer. If
         the answer has two parts, such as ``13.2,ON``, the first part is the level and the second part must be ON.

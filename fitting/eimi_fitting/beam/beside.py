@@ -355,7 +355,7 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect of a similar candidate that suits the given values s best; None if there is none.
+    """Return the depth effect of the similar candidate whose bending is most like the given bending; None without one.
 
     The depth effect is the shape of the solid model minus the shape of the planar model. The scalar s measures the
     bending. Only depth effects that are valid at all given values s (``places``) are considered. The depth effect is

@@ -194,7 +194,7 @@ class Solid:
     rigid_centre : tuple of float
         Reference point of the rigid body in mm.
     face : FollowerPressure or None
-        Face under pressure.
+        Face under pressure; None if no pressure acts.
     """
 
     def __init__(
@@ -355,8 +355,7 @@ class Solid:
             definite.
         only_try : bool
             True: mark a candidate as DIVERGED if its tangent stiffness without the rigid body (the magnet) is not
-            positive definite.
-            This saves a factorisation.
+            positive definite. This saves a factorisation.
 
         Returns
         -------

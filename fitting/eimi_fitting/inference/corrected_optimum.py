@@ -134,7 +134,7 @@ def _valid(problem: Problem, unit: Array) -> Array:
 
     The stretches on the mesh of ``problem`` are larger than those on the coarse mesh of the search, and a law that
     softens may be unstable there. The returned candidate has the same modulus, and its other coordinates are nearer to
-    the middle of their bounds. If none is stable, ``unit`` is returned.
+    the middle of their bounds. If no candidate is stable, ``unit`` is returned.
     """
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]

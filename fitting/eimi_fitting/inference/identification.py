@@ -115,7 +115,7 @@ def identify(
     NothingActs
         If no load bends the specimen in any state.
     NothingConverged
-        If no candidate could be simulated.
+        If no candidate law could be simulated.
     NotExplained
         If the simulated edges of a state are far from the measured edges.
     NotDetermined

@@ -128,8 +128,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     Raises
     ------
     NoVibration
-        No vibration is larger than the noise, the vibration does not decay, its amplitude is too large, or it is too
-        short.
+        No vibration is larger than the noise, or the vibration does not decay, is too large, or is too short.
     """
     if is_stepped:
         signals = signals.between(0.0, np.inf)
@@ -265,9 +264,9 @@ def _first_frequency(signals: Signals, label: str) -> float:
 def _lasting(values: Array, size: int) -> Array:
     """Return, for each frequency of a spectrum, the share of the power that lasts through a recording, from 0 to 1.
 
-    The share is the power in the second half of the n frames, divided by that in the first half. It is 1 for the hum of
-    a motor or of a lamp. values: r signals in n frames, (n, r); size: number of values from which the spectrum is
-    computed.
+    The share is the power in the second half of the n frames, divided by the power in the first half. It is 1 for the
+    hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: number of values from which the spectrum
+    is computed.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]

@@ -1,4 +1,4 @@
-"""Frequency and loss factor of a ring-down in time windows, which show whether they change with the amplitude."""
+"""Frequency and loss factor of a ring-down in time windows, to see whether both change with the amplitude."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Projection:
         of the G groups to independent combinations (``over_groups``).
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no error of the
-            bench in `POSSIBLE_CAUSES` explains (``error``).
+        bench in `POSSIBLE_CAUSES` explains (``error``).
     """
 
     bases: tuple[Array, ...]
@@ -130,7 +130,7 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups of points.
+    """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups (edges, or x and y).
 
     ``remainder`` has the residuals in mm minus their polynomials. For edges, the level and the correlation of the
     remainder give the variance. If the remainder has fewer than ten degrees of freedom, and for tracked points, the

@@ -130,7 +130,8 @@ class Solved:
         Returns
         -------
         ndarray, shape (K, 2, m) or ()
-            The factors of m points on the left and on the right edge in K states. One for tracked points.
+            The factors of m points on the left and on the right edge in K states. The single number 1 for tracked
+            points.
         """
         observed = self.bent.observed
         if not isinstance(observed, EdgeObservation):
@@ -346,8 +347,8 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
     """Return the change of the residuals in mm if one amplitude of a cause is 1; None without an equilibrium.
 
-    A cause is a possible error of the bench, and an amplitude is its size. The shape is (K, G, m) for G groups of m
-    points in K states.
+    A cause is a possible error of the bench, and an amplitude is its size. The shape is (K, G, m) for G groups (edges,
+    or x and y) of m points in K states.
     """
     if cause.change is None:
         return _as_solid(here)

@@ -54,7 +54,7 @@ class Experiment:
     measured : mapping of str to tuple of float
         Measured deviations of the specimen in ``model`` from the stated specimen. Each key is a source (a key of
         `SOURCES`). Each value has one number for each part of this source, in the unit of the source. The source
-            "taper" has one more number: the width at both ends minus the width in the middle, in mm.
+        "taper" has one more number: the width at both ends minus the width in the middle, in mm.
 
     Examples
     --------
@@ -317,7 +317,7 @@ def _misfit(
 ) -> Misfit:
     """Return the distances of the measured points from the edges of all candidates (the misfit).
 
-    The edges of each candidate are projected by the lens of the group of the candidate in ``seen``.
+    ``seen`` has groups of candidates with the same lens. The edges of each candidate are projected by this lens.
     """
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:

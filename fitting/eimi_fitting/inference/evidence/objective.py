@@ -195,9 +195,9 @@ class Problem:
         Parameters
         ----------
         unit : ndarray, shape (P, searched) or (P, n)
-            P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either those that the search
-            varies (``Unknowns.searched``), or all n unknowns. By default nuisances (uncertain inputs) have their stated
-            values.
+            P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either the unknowns that the
+            search varies (``Unknowns.searched``), or all n unknowns. By default nuisances (uncertain inputs) have their
+            stated values.
         independent_points : float
             Number of independent edge points.
         experiments : sequence of Experiment, optional

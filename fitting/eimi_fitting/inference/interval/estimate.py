@@ -115,8 +115,9 @@ class Estimate:
         Effect of a mesh twice as fine (``mesh``), and effect of the three-dimensional model of a solid section
         (``section_change``). None for a correction that does not apply.
     held_out_error_mm : float or None
-        Mean over states that were omitted from the fit (cross-validation) of their root mean square residual in mm. The
-        uncertain inputs have the values that explain the residuals best. None if there is only one state.
+        Root mean square residual in mm of a state that was omitted from the fit, as the mean over all states
+        (cross-validation). The uncertain inputs have the values that explain the residuals best. None if there is only
+        one state.
     budget : tuple of BudgetEntry
         The effect of each source of uncertainty on the initial shear modulus, the largest effect first.
     measure_next : MeasureNext

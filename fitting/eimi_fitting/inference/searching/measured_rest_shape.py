@@ -1,17 +1,17 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The unknowns are the amplitudes q
-in mm of a few smooth modes of shape (`beam.rest_modes`), and a rotation and a shift of the picture, a. Let r(q, a) be
-the residuals of the edges for a simulation that contains the weight. Gauss-Newton steps minimise |r|^2 with normal
-priors on q and a. q then describes the stress-free shape. The modes are few and smooth, so that the noise of single
-edge points has little influence.
+in mm of a few smooth modes of shape (`beam.rest_modes`), and the vector a: rotation and shift of the picture. Let r(q,
+a) be the residuals of the edges for a simulation that contains the weight. Gauss-Newton steps minimise |r|^2 with
+normal priors on q and a. q then describes the stress-free shape. The modes are few and smooth, so that the noise of
+single edge points has little influence.
 
 The simulation uses the modulus for which a planar Neo-Hookean model with the measured shape has the smallest error in
 the states with load. Shape and modulus are computed in turn, three times.
 
 A mode is accepted if its amplitude exceeds three standard deviations and a least amplitude. The least amplitude is
-0.005 mm for a bend and 0.003 mm for a change of width. Modes of these sizes
-change the modulus by about 0.05 % and 0.2 %.
+0.005 mm for a bend and 0.003 mm for a change of width. Modes of these sizes change the modulus by about 0.05 % and
+0.2 %.
 """
 
 from __future__ import annotations
@@ -132,8 +132,9 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     Returns
     -------
     MeasuredRestShape or None
-        The measured shape. None for one of these reasons: edges were not measured, there is no state without load or
-        none with load, gravity bends the beam to the side, no mode is significant, no shape explains the edges.
+        The measured shape. None for one of these reasons: edges were not measured, there is no state without load,
+        there is no state with load, gravity bends the beam to the side, no mode is significant, no shape explains the
+        edges.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
