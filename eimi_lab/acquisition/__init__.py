@@ -18,7 +18,7 @@ open_coil         open the supply and the sensors that a rig names
 coil_calibration  measure the field of the coil against its current
 output_off        begin with the output of the supply off
 open_bench        open the instruments that a rig names
-added_driver      send a driver that this program added to the guardian process
+added_driver      send to the guardian process a driver that the user's program added
 cameras           the camera that a rig names: a device, a recording or a virtual beam
 playback          a recording in place of a camera
 live_view         show the frames during a run

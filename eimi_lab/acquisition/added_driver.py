@@ -1,4 +1,4 @@
-"""Send a supply driver that the user's program added to the guardian process.
+"""Send to the guardian process a supply driver that the user's program added.
 
 The guardian process switches the coil off if the run dies. In the guardian process, the registry `SUPPLIES` contains
 only the drivers of this package and of installed packages. A driver of the user's program is therefore sent with

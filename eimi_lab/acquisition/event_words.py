@@ -104,7 +104,7 @@ def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) 
     Parameters
     ----------
     without_contact : str
-        State of the output after the contact to the computer is lost, in the words of the driver.
+        What the output does after the contact to the computer is lost, in the words of the driver.
     interlocks : tuple of str
         Names of the readings that have an interlock: bounds outside which the run ends.
     """

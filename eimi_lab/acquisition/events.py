@@ -72,7 +72,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched on (`on` is true) or off, as the supply itself then reports."""
+    """The output of the supply was switched, and the supply confirmed this. `on` is true if the output is now on."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -352,7 +352,7 @@ class OffNotConfirmed(Event):
 class GuardianTookOver(Event):
     """The guardian process begins to switch the coil off, in place of the run.
 
-    `takeover` is the reason. `address` is the address of the supply.
+    `takeover` is the reason why the guardian begins. `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "guardian_took_over"

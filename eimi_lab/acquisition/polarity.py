@@ -1,4 +1,4 @@
-"""The polarity of the current in a coil whose supply cannot reverse the current.
+"""Reverse the current in a coil whose supply cannot reverse it, by swapping the leads of the coil.
 
 The leads of the coil are swapped while no current flows. A person swaps the leads, or turns a switch, in a pause of the
 run. A bench with a relay that this program can switch needs no person. The virtual rig has such a relay.

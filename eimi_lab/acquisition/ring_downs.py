@@ -45,8 +45,8 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
     rule : RingDown
         Duration, frame rate and number of the ring-downs.
     unfinished : ExitStack
-        Receives the context of the ring-down. If the run fails or is asked to stop, the caller closes this stack after
-        the coil is off. The frames taken so far are then stored.
+        Holds the recording in progress. If the run fails or is asked to stop, the caller closes this stack after the
+        coil is off. The frames taken so far are then stored.
     stop_if_asked : callable
         Called before each frame. It raises an exception if the run has to stop.
 

@@ -173,7 +173,7 @@ class Stepping:
 
 
 def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
-    """Return the flags (failed checks) of a state, with the flag DROPPED if the camera lost frames during the state.
+    """Return the flags (failed checks) of a load step, with the flag DROPPED if the camera lost frames meanwhile.
 
     `lost` is the number of lost frames, including frames lost while the beam settled.
     """

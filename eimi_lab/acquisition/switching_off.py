@@ -47,7 +47,7 @@ class _InHaste(Exception):
 class _SignalsHeeded:
     """The signals that came during a run, and the reactions of the run to these signals.
 
-    The first signal ends the run with a ramp down of the current. A second signal leaves the ramp down out.
+    The first signal ends the run with a ramp of the current to zero. After a second signal there is no ramp.
     """
 
     def __init__(self, coil: Coil, guardian: Guardian | None, on_event: OnEvent) -> None:

@@ -38,7 +38,7 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Add a new frame to `moments` if the present logarithmic interval is over; otherwise ignore the frame.
+        """Add a new frame to `moments` if enough time has passed since the last kept frame; otherwise ignore it.
 
         `at_s` is the time of the frame on the clock of the run, s.
         """

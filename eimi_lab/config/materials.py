@@ -1,6 +1,6 @@
-"""Read materials.toml of a virtual (simulated) rig: true materials of specimens, and true properties of the bench.
+"""Read materials.toml: the materials and the properties of the bench with which a virtual rig is simulated.
 
-No fit reads this file; it is compared with the results of fits.
+No fit reads this file. The results of fits are compared with it.
 """
 
 from __future__ import annotations

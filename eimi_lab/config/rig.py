@@ -72,7 +72,10 @@ class Supply(Table):
 
 
 class CoilRating(Table):
-    """The thermal rating of the coil, see `eimi_lab.acquisition.heating`."""
+    """The thermal rating of the coil, from which the heat of the coil in a run is predicted.
+
+    See `eimi_lab.acquisition.heating`.
+    """
 
     continuous_current_A: float = Field(gt=0)
     """Largest current that the coil tolerates for an unlimited time."""

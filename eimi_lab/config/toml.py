@@ -82,7 +82,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"  # the signature of HDF5 files (HDF5 File Format Sp
 
 
 def is_dataset(path: Path) -> bool:
-    """Return whether a file begins with the signature of HDF5, as every dataset does."""
+    """Return whether a file begins with the signature (first eight bytes) of HDF5, as every dataset does."""
     if not path.is_file():
         return False
     try:

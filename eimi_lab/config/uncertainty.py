@@ -111,7 +111,7 @@ def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> t
 def stated_sources(
     file: File, table: Table | None, shared_by: Callable[[str], str], in_units: Mapping[str, float]
 ) -> tuple[StatedSource, ...]:
-    """Convert a table [uncertainty] into the sources of uncertainty that the inference uses.
+    """Convert a table [uncertainty] into the sources of uncertainty that a fit takes into account.
 
     Parameters
     ----------

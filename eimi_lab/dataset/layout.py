@@ -142,7 +142,7 @@ class Header:
 
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
-    """Write the description of a run or an import into a new file, and return the new group `entry`."""
+    """Write the description of a run or an import into a new file, and return the new HDF5 group `entry`."""
     file.attrs["default"] = "entry"
     entry = group(file, "entry", "NXentry")
     entry.attrs["default"] = "data"

@@ -23,15 +23,15 @@ HEADERS_BYTES = 1 << 14
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
     """Open a copy of a dataset for changes in a ``with`` statement, and yield the group `entry` of the copy.
 
-    At the end of the block the copy replaces the dataset. If an error ends the block, the dataset stays unchanged.
+    At the end of the with statement the copy replaces the dataset. After an error, the dataset stays unchanged.
 
     Parameters
     ----------
     path
         The dataset.
     content_bytes
-        Number of bytes that the block will write. This space is reserved on the disk before the block runs, because
-        HDF5 may crash the program if the disk becomes full.
+        Number of bytes that will be written. This space is reserved on the disk in advance, because HDF5 may crash the
+        program if the disk becomes full.
 
     Raises
     ------

@@ -42,6 +42,8 @@ _ANSWER_S = 10
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
     """Return a function that creates the executor for the options ``--workers`` and ``--scheduler``.
 
+    An executor is an object of the module `concurrent.futures` that runs tasks, here in other processes.
+
     Parameters
     ----------
     workers
@@ -95,7 +97,8 @@ def completed(
     tasks
         The tasks.
     executor
-        Function that creates the executor. None runs the tasks in this process, one after another.
+        Function that creates the executor (`concurrent.futures`), which runs the tasks in other processes. None runs
+        the tasks in this process, one after another.
     expected
         Types of errors of ``function`` that are raised only when the result of the task is requested. With an executor,
         every other error is raised at once and ends the tasks.
@@ -165,7 +168,8 @@ def _submitted(
 ) -> dict[Future[T], Task]:
     """Give tasks to a pool, and return a dictionary of the tasks, whose keys are the futures of the tasks.
 
-    Each future is put in the queue ``finished`` when its task is done.
+    A future is an object that will contain the result of a task. Each future is put in the queue ``finished`` when its
+    task is done.
     """
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
@@ -174,7 +178,7 @@ def _submitted(
 
 
 def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
-    """Wait until the next task is done, and return its future from the queue ``finished``.
+    """Wait until the next task is done, and return its future (its result) from the queue ``finished``.
 
     The wait is divided: on Windows a wait without a time limit would keep Ctrl-C from the main thread.
     """
@@ -190,7 +194,10 @@ class _Processes(ProcessPoolExecutor):
     """
 
     def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Give a task to the pool, and return its future. A new process is started if no process is free."""
+        """Give a task to the pool, and return the future, an object that will contain the result of the task.
+
+        A new process is started if no process is free.
+        """
         with _blocked("SIGINT"):
             return super().submit(function, *args, **kwargs)
 
@@ -234,7 +241,9 @@ def processes(workers: int) -> Iterator[Executor]:
 def started(
     executor: Callable[[], AbstractContextManager[Executor]] | None, workers: int, module: str
 ) -> Iterator[Callable[[], AbstractContextManager[Executor]] | None]:
-    """Start an executor in advance, so that its workers load a module while this process loads its own modules.
+    """Start an executor, which runs tasks in worker processes, before the tasks are known.
+
+    The workers then load a module while this process loads its own modules.
 
     Parameters
     ----------
@@ -289,7 +298,7 @@ def leave_with_parent() -> None:
 def _begin_work() -> None:
     """Prepare this process for the tasks of a pool.
 
-    Its priority becomes lower than the priority of the parent process, which shows the progress.
+    The priority of this process becomes lower than the priority of the parent process, which shows the progress.
     """
     leave_with_parent()
     keep_freed_memory()

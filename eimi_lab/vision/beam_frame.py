@@ -97,19 +97,26 @@ class BeamFrame:
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:
-        """Convert n points from px in the image to mm in the beam frame, shape (n, 2)."""
+        """Convert n points from px in the image to mm in the beam frame, shape (n, 2).
+
+        In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+        """
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
     def components(self, vector: tuple[float, float]) -> Array:
         """Return the components of a vector along x and y of the beam frame, shape (2,).
 
-        vector: components of the vector to the right and down in the image.
+        x runs along the straight beam from the clamp, and y across the beam. vector: components of the vector to the
+        right and down in the image.
         """
         return np.asarray(self._axes @ np.array(vector))
 
     def to_px(self, points_mm: ArrayLike) -> Array:
-        """Convert n points from mm in the beam frame to px in the image, shape (n, 2)."""
+        """Convert n points from mm in the beam frame to px in the image, shape (n, 2).
+
+        In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+        """
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
@@ -136,7 +143,7 @@ class BeamFrame:
         Returns
         -------
         View or None
-            None for a telecentric lens, or if the calibration has no `stand_off_mm`.
+            None for a telecentric lens, or if the calibration does not give the distance from the lens to the beam.
 
         Raises
         ------
@@ -166,6 +173,7 @@ class BeamFrame:
     def _in_beam_frame(self, from_axis_deg: float) -> float:
         """Convert an angle (degrees), measured clockwise from the beam's axis in the image, into the beam frame.
 
-        The returned angle (degrees) is measured from +x toward +y in the beam frame, and lies between -180 and 180.
+        The returned angle (degrees) is measured from +x (along the beam) toward +y (across the beam), and lies between
+        -180 and 180.
         """
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

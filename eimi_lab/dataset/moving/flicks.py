@@ -1,4 +1,4 @@
-"""Divide a recording in which the beam was flicked (pushed briefly) several times into parts, one for each ring-down.
+"""Divide a recording in which the beam was flicked (pushed briefly) several times into parts, one for each flick.
 
 The maximum of the deflection over one period of the vibration rises at each flick and falls afterwards.
 """
@@ -23,8 +23,8 @@ FEWEST_PERIODS = 6.0  # smallest number of periods for which a part has to show 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     """Divide a recording into parts with one ring-down each, and return the first and last frame of each part.
 
-    A ring-down begins with a flick (a brief push). A part is left out if fewer than `FEWEST_PERIODS` periods of the
-    vibration follow the flick.
+    A ring-down (free oscillation) begins with a flick (a brief push). A part is left out if fewer than `FEWEST_PERIODS`
+    periods of the vibration follow the flick.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _white_noise(moved: Array, frames: int) -> float:
-    """Return the standard deviation of the noise of a point in mm, from its spectrum above the vibration.
+    """Return the standard deviation of the noise of a point in mm, from the spectrum above the vibration frequency.
 
     ``moved`` is the deflection of the point in n frames, mm, shape (n,). ``frames`` is the number of frames in one
     period of the vibration.

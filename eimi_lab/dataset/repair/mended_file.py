@@ -20,7 +20,7 @@ class MendedFile(io.RawIOBase):
     patches : dict of int to int
         The new value of each replaced byte, by its position in the file.
     searched_bytes : int
-        Work of all unsuccessful searches for a flipped bit in the file, as the number of hashed bytes. This work has a
+        Number of bytes that were hashed in all unsuccessful searches for a flipped bit in the file. This number has a
         limit.
     """
 

@@ -147,6 +147,8 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 def _mend_heap(file: MendedFile, at: int) -> int:
     """Correct the direct block of a heap that contains names; return the number of corrected bits.
 
+    A heap is the part of an HDF5 file that stores the names of the members of a group.
+
     In this block the checksum is before the names, not at the end (HDF5 File Format Specification 3.0, section III.G).
     """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)

@@ -183,7 +183,7 @@ def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) ->
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    """Return the calibration that results from the setup, the pose of the board and the lens."""
+    """Return the calibration that follows from the given values, the board (orientation and scale) and the lens."""
     # The angle from the stated axis to the nearest direction of the board's rows or columns.
     turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {

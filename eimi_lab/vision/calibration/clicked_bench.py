@@ -253,7 +253,10 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:
-    """Return `direction_deg` or the opposite direction, whichever is nearer to `to_tip_deg`; from -180 to 180."""
+    """Return `direction_deg` or the opposite direction, whichever is nearer to the direction from clamp to tip.
+
+    The result is between -180 and 180 degrees. `to_tip_deg` is the direction from the clamp to the tip.
+    """
     if math.cos(math.radians(direction_deg - to_tip_deg)) < 0.0:
         direction_deg += 180.0
     return (direction_deg + 180.0) % 360.0 - 180.0

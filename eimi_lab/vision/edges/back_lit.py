@@ -287,8 +287,8 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
     """Return the corners of the beam, px, shape (4, 2): clamp-left, clamp-right, tip-left, tip-right.
 
-    The corners at the clamp are the crossings of the two edges with the clamp line. The corners at the tip are the
-    crossings of the two edges with the straight line along the face of the tip.
+    The corners at the clamp are the crossings of the two edges with the clamp line (where the beam leaves its clamp).
+    The corners at the tip are the crossings of the two edges with the straight line along the face of the tip.
     """
     face = _line_through(tip.points_px[tip.sound])
     corners = []

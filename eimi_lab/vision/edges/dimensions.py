@@ -77,18 +77,18 @@ def _curvature(edge: Array, along: Array) -> Array:
 
 
 def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
-    """Return the 90th percentile of |local width - specimen's width| / specimen's width over n local widths.
+    """Return how much n measured local widths of the beam differ from the specimen's width, as a fraction.
 
-    If a local width is larger than the specimen's width, the bow is subtracted from the difference, which is not made
-    negative. `bow` is the largest increase of the n local widths by a bow of the cross-section (`anticlastic_bow`),
-    shape (n,).
+    The result is the 90th percentile of |local width - specimen's width| / specimen's width. If a local width is larger
+    than the specimen's width, the bow is subtracted from the difference, which is not made negative. `bow` is the
+    largest increase of the n local widths by a bow of the cross-section (`anticlastic_bow`), shape (n,).
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))
 
 
 def length_deviation(left: Array, right: Array, corners: Array, length: float) -> float:
-    """Return |mean length of the two edges / length of the specimen - 1|.
+    """Return the relative difference between the mean length of the two edges and the length of the specimen.
 
     Parameters
     ----------

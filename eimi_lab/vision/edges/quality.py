@@ -18,7 +18,7 @@ _MOST_TURN_DEG = 15.0  # a wider beam is not explained by a turn
 def light_findings(
     edge_pass: PassResult, largest: float, lit_beam: bool, limits: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Measure contrast, clipping, blur, residual and gamma at the edges.
+    """Measure contrast, clipping, blur, residual and gamma at the edges, for the quality checks of a picture.
 
     Parameters
     ----------
@@ -74,7 +74,9 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return in words how much a turn of the beam about its axis changes the fitted modulus, for the advice of flags.
+    """Return in words how much a turn of the beam about its axis changes the fitted modulus.
+
+    The texts are used in the advice of flags (failed quality checks).
 
     Parameters
     ----------

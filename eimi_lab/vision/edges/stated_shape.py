@@ -75,7 +75,7 @@ class StatedShape:
         """Return the measured widths, scaled to a beam of constant width.
 
         Each measured width is divided by the specimen's width at the same distance from the clamp, and multiplied by
-        `Specimen.width_mm`. Points of the edge near a step of the width are left out.
+        `Specimen.width_mm`. Points of the edge near a step (abrupt change) of the width are left out.
 
         Parameters
         ----------
@@ -101,8 +101,8 @@ class StatedShape:
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
         """Return whether each of the n points of an edge is near a step of the specimen's width, shape (n,).
 
-        A smooth curve through the points cuts the corners of a step. A point is near a step if its distance from the
-        step along the edge is less than half of the specimen's smallest width.
+        A step is an abrupt change of the width. A smooth curve through the points cuts the corners of a step. A point
+        is near a step if its distance from the step along the edge is less than half of the specimen's smallest width.
 
         edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp,
         shape (2, 2). side: 0 for the left edge, 1 for the right edge.

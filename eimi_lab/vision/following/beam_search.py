@@ -1,8 +1,8 @@
 """Search for the strip of the picture that shows the beam, from the clamp outward.
 
-A strip is a narrow band of the picture between two edges that may be the edges of the beam. The search is a beam
-search: it extends many strips step by step, and keeps the best strips after each step. A strip has bounded curvature. A
-step is about a third of the beam's width. The gain of a step is
+A strip is a narrow band of the picture between two edges that may be the edges of the beam. The search extends many
+strips step by step, and keeps the best strips after each step (the algorithm is known as beam search). A strip has
+bounded curvature. A step is about a third of the beam's width. The gain of a step is
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line),
 

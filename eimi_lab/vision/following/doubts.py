@@ -1,4 +1,4 @@
-"""Measure the disturbances at the edges of a followed beam: borders of shadows, reflections and clipping."""
+"""Measure the disturbances at the edges of a beam that was followed from its clamp: shadows, reflections, clipping."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class FollowedBeam:
     working : WorkingPicture, optional
         The picture in which the strip was searched.
     strip : Strip, optional
-        The strip of the picture that shows the beam.
+        The strip (narrow band) of the picture that shows the beam.
     unrolled : UnrolledPicture, optional
         The picture, sampled along and across the beam.
     sides : Sides, optional
@@ -202,7 +202,7 @@ def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
 
 
 def _change(width: Array) -> float:
-    """Return (largest / smallest) - 1 of the median widths of five equal parts of the beam's length."""
+    """Return how much the width changes along the beam: (largest / smallest) - 1 of the medians of five equal parts."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 

@@ -64,7 +64,7 @@ class UnrolledPicture:
     along : ndarray, shape (n,)
         Distance of each station from the clamp.
     middle : ndarray, shape (n, 2)
-        Point on the centre line of the strip at each station, px of the image.
+        Point on the centre line of the strip (the band that shows the beam) at each station, px of the image.
     aside : ndarray, shape (n, 2)
         Vector across the beam whose length is one nominal width, px of the image.
     width : ndarray, shape (n,)

@@ -1,4 +1,4 @@
-"""Cut the image to the reach of the beam, and scale the image so that the beam has a given width in pixels."""
+"""Cut the image to the region that the beam can reach from its clamp, and scale the beam to a given width in pixels."""
 
 from __future__ import annotations
 
