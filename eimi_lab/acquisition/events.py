@@ -364,6 +364,8 @@ class GuardianTookOver(Event):
 class RunKilled(Event):
     """The guardian process kills the run, because the run stands still and occupies the line to the supply.
 
+    The guardian is the process that switches the coil off in place of the run.
+
     `reason` is a text for a person. `address` is the address of the supply.
     """
 
@@ -374,9 +376,10 @@ class RunKilled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class EmulatedSupplyGone(Event):
-    """The emulated supply and its pseudo-terminal do not exist any more.
+    """The emulated (simulated) supply and its pseudo-terminal do not exist any more.
 
-    The guardian process therefore has nothing to switch off. `takeover` is the reason why the guardian tried this.
+    The guardian process therefore has nothing to switch off. `takeover` is the reason why the guardian tried to switch
+    the supply off.
     """
 
     event: ClassVar[str] = "emulated_supply_gone"

@@ -76,7 +76,7 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The limits with which the guardian process opens the driver.
+        """The limits with which the guardian process (which switches the coil off if the run dies) opens the driver.
 
         These are the largest current, the largest voltage, and the current below which the coil counts as off.
         """
@@ -143,7 +143,7 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Send the identity of the run's supply to the guardian process.
+        """Send the identity of the run's supply to the guardian process (which switches the coil off if the run dies).
 
         The guardian process then accepts no other supply at the same address as the supply of the coil.
         """
@@ -152,7 +152,8 @@ class Guardian:
     def recognise(self) -> None:
         """Report to the guardian process that the run switched the output off and still measured a current.
 
-        The guardian process then accepts this supply as the supply of the coil, although the output is already off.
+        The guardian, which switches the coil off if the run dies, then accepts this supply as the supply of the coil,
+        although the output is already off.
         """
         self._send(RECOGNISED)
 
@@ -169,7 +170,8 @@ class Guardian:
     def allow(self, seconds: float) -> None:
         """Tell the guardian process that the next beat may come as late as `seconds` (s) from now.
 
-        A beat is a message that the run is alive. The method never waits and raises no error.
+        A beat is a message that the run is alive. Without beats, the guardian switches the coil off. The method never
+        waits and raises no error.
         """
         if self._armed:
             self._note_the_gap()

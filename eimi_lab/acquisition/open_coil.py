@@ -1,4 +1,7 @@
-"""Open the supply and the sensors of a rig, start the guardian process of the supply, and end all of them after use."""
+"""Open the supply and the sensors of a rig, start the guardian process, and end all of them after use.
+
+The guardian process switches the supply off if the run dies.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Play a recording in place of a camera.
+"""Play a recording (a video or a folder of pictures) in place of a camera.
 
 Each picture of the recording serves for a whole state (load step) or for one frame. The recording is played once or in
 a loop.
@@ -26,7 +26,7 @@ NOISE_FRAMES = 8
 
 @dataclass
 class Cue:
-    """The number of the present state (load step) of the run, which a camera that plays a recording reads."""
+    """The number of the present state (load step) of the run, for a camera that plays a video or a folder of pictures."""
 
     state: int = 0
 
@@ -93,9 +93,10 @@ class PlayedCamera:
 
 
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
-    """Return a sentence that compares the number of pictures in the recording of a rig with the number that a run uses.
+    """Return a sentence that compares the number of pictures in a recording with the number of pictures for a run.
 
-    The sentence is empty if the camera does not play a recording. Raises InputError if the recording is too short.
+    A recording is a video or a folder of pictures that replaces the camera. The sentence is empty if the rig has no
+    recording. Raises InputError if the recording is too short.
     """
     available = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
     if available is None:

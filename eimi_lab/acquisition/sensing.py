@@ -59,8 +59,8 @@ class Sensing:
     warn : callable
         Receives a warning for the user, as text.
     beat : callable
-        Called before each sensor is read. The function reports to the guardian process that the run is alive, because
-        several sensors without an answer can take long.
+        Called before each sensor is read. The function reports to the guardian process (which switches the coil off if
+        the run dies) that the run is alive, because several sensors without an answer can take long.
     """
 
     def __init__(

@@ -78,8 +78,8 @@ def try_supply(
 ) -> SupplyTrial:
     """Try a driver on a supply with nothing connected to its output.
 
-    The output is on at 1 V for some seconds. If this process ends while the output is on, a guardian process switches
-    it off.
+    The output is on at 1 V for some seconds. If this process ends while the output is on, a second process, the
+    guardian, switches the output off.
 
     Parameters
     ----------

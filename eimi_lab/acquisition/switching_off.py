@@ -68,7 +68,10 @@ class _SignalsHeeded:
             self._coil.count_the_end()
 
     def move_on(self) -> None:
-        """Tell the guardian process that the run is alive, and refuse a suspension (Ctrl-Z) if one was asked for."""
+        """Tell the guardian process that the run is alive, and refuse a suspension (Ctrl-Z) if one was asked for.
+
+        The guardian process switches the coil off if the run dies.
+        """
         if self._guardian:
             self._guardian.beat()
         if self._suspended:
@@ -78,7 +81,8 @@ class _SignalsHeeded:
     def stop_if_asked(self) -> None:
         """Raise Stopped or InstrumentError if the run has to stop.
 
-        The reason is a signal, a missing guardian process, a fault of the supply or a wrong current.
+        The reason is a signal, a missing guardian process (which switches the coil off if the run dies), a fault of the
+        supply or a wrong current.
         """
         self.move_on()
         self._refuse_a_gap()
@@ -244,7 +248,8 @@ def ramp_down_and_switch_off(
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The guardian process, which is disarmed after the coil was confirmed off; None for a simulated supply.
+        The guardian process (which switches the coil off if the run dies), which is disarmed after the coil was
+        confirmed off; None for a simulated supply.
     go_on_down : callable
         Called between the steps of the ramp. An exception in this function ends the ramp early.
     on_event : OnEvent

@@ -32,8 +32,9 @@ The shape of an image is (H, W), or (H, W, 3) for an image with colours.
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
     """Read a dark frame and a flat field from image files, and return a dictionary of the images.
 
-    The keys are "dark" and "flat"; the key of a file that is None is absent. Raises InputError if a file cannot be
-    read, or if the images are unsuitable for a correction of frames.
+    A dark frame is taken without light. A flat field shows the back-light without the beam. The keys are "dark" and
+    "flat"; the key of a file that is None is absent. Raises InputError if a file cannot be read, or if the images are
+    unsuitable for a correction of frames.
     """
     from eimi_lab.vision.image_files import (
         read_image,
@@ -50,7 +51,8 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 def correction_by(images: Images) -> FieldCorrection | None:
     """Return the correction of frames by a dark frame and a flat field; None if both images are absent.
 
-    Raises ValueError if the images are unsuitable for a correction, for example because their sizes differ.
+    A dark frame is taken without light. A flat field shows the back-light without the beam. Raises ValueError if the
+    images are unsuitable for a correction, for example because their sizes differ.
     """
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
@@ -58,8 +60,9 @@ def correction_by(images: Images) -> FieldCorrection | None:
 def check_like(images: Images, frame: NDArray[Any]) -> None:
     """Raise InputError if a dark frame or a flat field cannot belong to the frames of a dataset.
 
-    An image must have the size and the bit depth of the frame. The median of a dark frame must be at most half of the
-    brightness of the back-light, for which the 99th percentile of the frame is used.
+    A dark frame is taken without light. A flat field shows the back-light without the beam. An image must have the size
+    and the bit depth of the frame. The median of a dark frame must be at most half of the brightness of the back-light,
+    for which the 99th percentile of the frame is used.
     """
     from eimi_lab.vision.image_files import describe_image  # imports OpenCV, which loads slowly
 
@@ -79,7 +82,7 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
 
 
 def store_correction(path: str | Path, images: Images) -> None:
-    """Store a dark frame and a flat field in a dataset of frames.
+    """Store a dark frame (taken without light) and a flat field (the back-light without the beam) in a dataset.
 
     A dark frame replaces the stored dark frame, and a flat field the stored flat field. Stored edges are removed,
     because they were found without these images.
@@ -109,7 +112,7 @@ def store_correction(path: str | Path, images: Images) -> None:
 
 
 def forget_correction(path: str | Path) -> None:
-    """Remove the dark frame, the flat field and the stored edges from a dataset."""
+    """Remove the images for the correction of frames (dark frame and flat field) and the edges from a dataset."""
     with rewritten(Path(path)) as entry:
         _remove(entry)
 
@@ -117,7 +120,8 @@ def forget_correction(path: str | Path) -> None:
 def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
     """Return the dark frame (key "dark") and the flat field (key "flat") that a dataset contains.
 
-    The key of an image that the dataset does not contain is absent.
+    A dark frame is taken without light. A flat field shows the back-light without the beam. The key of an image that
+    the dataset does not contain is absent.
     """
     return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
 

@@ -80,7 +80,7 @@ def import_frames(
     progress
         Function that shows the progress of an import of at least `MANY_FRAMES` pictures.
     correction
-        Dark frame and flat field to store with the frames.
+        Dark frame (taken without light) and flat field (the back-light without the beam) to store with the frames.
     every
         The number n, to import every n-th frame of a video. Each load of the table then acts until the next load.
 

@@ -89,7 +89,7 @@ class Frames:
     """The mean image of each state (load step) of a dataset, corrected by the stored dark frame and flat field."""
 
     def __init__(self, dataset: Dataset) -> None:
-        """Read the dark frame and the flat field of a dataset. Raises InputError for a dataset of tracked points."""
+        """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""
         if dataset.calibration is None:
             raise InputError(f"{dataset.path}: holds tracked points, which have no images")
         self.dataset, self.calibration = dataset, dataset.calibration

@@ -54,7 +54,7 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class RingDownStep:
-    """The step of the current with which a recorded ring-down (free oscillation) began, and the number of its frames.
+    """The step of the current with which a ring-down (free oscillation) began, and the number of recorded frames.
 
     Parameters
     ----------

@@ -87,7 +87,8 @@ class MovingOutlines:
         Returns
         -------
         beam : ndarray, shape (m, 2)
-            The m points of the beam's outline in the beam frame, mm.
+            The m points of the beam's outline in the beam frame (x along the straight beam from the clamp, y across),
+            mm.
         magnet : ndarray, shape (4, 2), or None
             The corners of the magnet in the beam frame, mm; None without a magnet.
         """

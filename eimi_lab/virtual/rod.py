@@ -215,7 +215,9 @@ class Rod:
         return np.asarray(force)
 
     def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
-        """Return the positions (x and y in the beam frame, mm) of m points of the moving beam, shape (m, 2).
+        """Return the positions x (along the straight beam) and y (across) of m points of the moving beam, mm.
+
+        The shape is (m, 2).
 
         Parameters
         ----------
@@ -248,7 +250,7 @@ def _integral(k: int, place: Array) -> Array:
 
 
 def _body(specimen: Specimen) -> tuple[float, float, float]:
-    """Return the inertia of the rigid part beyond the rod, which contains the magnet.
+    """Return the inertia of the rigid part of the beam, which lies beyond the rod and contains the magnet.
 
     Returns
     -------

@@ -57,15 +57,15 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and the right edge in each of the K states (load steps), in the beam frame, mm, shape (K, 2, n, 2).
+        """The left and the right edge in each of the K states (load steps), mm, shape (K, 2, n, 2).
 
-        Each edge has n points x, y from the clamp to the tip.
+        Each edge has n points from the clamp to the tip. x runs along the straight beam, and y across the beam.
         """
         return points_on(outline(self.model, self.shapes)[0], 4)
 
     @property
     def tip_mm(self) -> Array:
-        """The coordinates x and y of the tip in the beam frame in each of K states (load steps), mm, shape (K, 2)."""
+        """The coordinates x (along the straight beam) and y (across) of the tip in K load steps, mm, shape (K, 2)."""
         return _tip(self.model, self.shapes)[0, :, :2]
 
     @property
@@ -179,7 +179,8 @@ def simulate(
     field_mT
         The fields, mT, shape (K,).
     gravity_angle_deg, field_angle_deg
-        Directions of gravity and of the field in the beam frame, degrees from +x toward +y.
+        Directions of gravity and of the field in the beam frame (x along the straight beam from the clamp, y across),
+        degrees from +x toward +y.
     bulk_modulus_kPa
         Bulk modulus, kPa; None for an incompressible material.
     drawn

@@ -67,7 +67,8 @@ class VirtualCamera:
     clock
         The clock of the rig.
     frame
-        Conversion between the beam frame (mm) and the pixels of the picture.
+        Conversion between the pixels of the picture and mm in the beam frame (x along the straight beam from the clamp,
+        y across).
     mT_per_A
         Coil constant: the field at the magnet for each ampere, mT/A.
     virtual

@@ -1,4 +1,4 @@
-"""The map between image pixels and millimetres in the beam frame."""
+"""The map between image pixels and millimetres in the beam frame, whose x axis runs along the undeformed beam."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle (degrees), measured clockwise from the beam's axis in the image, into the beam frame.
+        """Convert an angle (degrees) in the image, clockwise from the beam's axis, into the beam frame.
 
         The returned angle (degrees) is measured from +x (along the beam) toward +y (across the beam), and lies between
         -180 and 180.

@@ -58,5 +58,8 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the field without a current that a calibration gives, in the beam frame, T, shape (2,); 0 by default."""
+    """Return the field without a current that a calibration gives, T, shape (2,); 0 by default.
+
+    The components are along the straight beam (x) and across the beam (y).
+    """
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

@@ -176,7 +176,7 @@ class FieldCorrection:
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
-        """Prepare the correction from a dark frame, a flat field, or both.
+        """Prepare the correction from a dark frame (taken without light), a flat field (the bare back-light), or both.
 
         Parameters
         ----------

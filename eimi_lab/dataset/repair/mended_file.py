@@ -67,7 +67,10 @@ class MendedFile(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Fill `buffer` with bytes from the present position, of which some may be replaced; return their number."""
+        """Fill `buffer` with bytes from the present position, and return the number of bytes.
+
+        Some of the bytes may be replaced (`patches`).
+        """
         content = self.bytes_at(self._at, len(buffer))
         buffer[: len(content)] = content
         self._at += len(content)

@@ -145,7 +145,7 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit blurred steps to profiles across a curve near the edge, at n arc lengths.
+        """Fit blurred steps to profiles (grey values along lines) across a curve near the edge, at n arc lengths.
 
         Returned are the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape
         (n,).
