@@ -26,7 +26,10 @@ NOISE_FRAMES = 8
 
 @dataclass
 class Cue:
-    """The number of the present state (load step) of the run, for a camera that plays a video or a folder of pictures."""
+    """The number of the present state (load step) of the run, for a camera that plays a recording.
+
+    A recording is a video or a folder of pictures.
+    """
 
     state: int = 0
 

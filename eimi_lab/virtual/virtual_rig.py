@@ -319,7 +319,8 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
     """Return the true material of the virtual beam, and the mesh, the seed and the optics of the simulation, by name.
 
-    Raises InputError if the rig has no table [virtual], or if this table does not define the material of the specimen.
+    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if this table does
+    not define the material of the specimen.
     """
     virtual = _virtual(rig)
     material = _material(virtual, specimen)

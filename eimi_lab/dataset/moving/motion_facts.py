@@ -1,4 +1,4 @@
-"""Facts about the recording of a motion that the recording does not contain, and that the user therefore gives."""
+"""Facts that the user gives about the recording of a motion, because the recording does not contain them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from eimi_fitting.time.measured import Kind
 
 @dataclass(frozen=True, kw_only=True)
 class MotionFacts:
-    """Facts about the recording of a motion that the user gives; None for a fact that is not given.
+    """Facts that the user gives about the recording of a motion; None for a fact that is not given.
 
     Parameters
     ----------

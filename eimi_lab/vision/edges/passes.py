@@ -311,7 +311,8 @@ def _locate(
     curves : sequence of SmoothCurve
         One curve for each side of the outline.
     arc_lengths : sequence of (ndarray, int)
-        For each curve, the arc lengths at which the edge is searched and the stride, as `_arc_lengths` returns both.
+        For each curve, the arc lengths at which the edge is searched, and the stride s: every s-th arc length belongs
+        to a point of the result.
     outward : sequence of float
         For each curve, +1 if its clockwise side is bright, else -1.
     stations_px : ndarray, shape (m,)
