@@ -19,7 +19,7 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Convert a supply driver that the user's program added into a text, which is sent to the guardian process.
+    """Return a text from which the guardian process can restore a supply driver that the user's program added.
 
     The guardian process switches the coil off if the run dies. There, `unpack` converts the text into the driver again.
 

@@ -180,8 +180,8 @@ class Coil:
             of the last `FOLLOWS_WITHIN_S` seconds by more than the tolerance. Also if the supply reports a fault or
             does not answer.
         BeyondInterlock
-            If a reading is outside the bounds that the rig file gives for it in two measurements in a row, or if no
-            value of a reading arrived within the longest permitted time.
+            If a reading is outside its bounds in the rig file in two measurements in a row, or if no value of a reading
+            arrived within the longest permitted time.
         """
         measured = bool(self._interlocks) or not self.simulated
         every_s = WATCH_EVERY_S

@@ -248,8 +248,8 @@ def ramp_down_and_switch_off(
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The guardian process (which switches the coil off if the run dies), which is disarmed after the coil was
-        confirmed off; None for a simulated supply.
+        The process that switches the coil off if the run dies. It is disarmed after the coil was confirmed off. None
+        for a simulated supply.
     go_on_down : callable
         Called between the steps of the ramp. An exception in this function ends the ramp early.
     on_event : OnEvent

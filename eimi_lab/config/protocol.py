@@ -236,7 +236,7 @@ class Protocol(Document):
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Rename the table `release` of a protocol for an early version of the program to `ring_down`."""
+        """Give the table `release`, which protocols of early versions contain, its present name `ring_down`."""
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]
@@ -261,9 +261,9 @@ class Protocol(Document):
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
         """The currents of the run that may exceed a limit: the smallest and the largest set-point, and two others.
 
-        The others are the current of the conditioning (cycles before the run) and the current from which a ring-down
-        starts (a step to zero, after which the beam swings freely), if protocol.toml gives them. Each entry consists of
-        the key in protocol.toml and the current in A.
+        The others are the current of the load cycles before the run, and the current before the step to zero after
+        which the beam swings freely. A current that protocol.toml does not give is left out. Each entry consists of the
+        key in protocol.toml and the current in A.
         """
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []

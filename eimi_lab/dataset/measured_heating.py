@@ -167,8 +167,8 @@ def _shares(
 def coil_heating(dataset: Dataset) -> MeasuredHeating | None:
     """Compare the measured coil temperatures of a dataset with the thermal model of the coil in the rig file.
 
-    Returns None if the rig file has no thermal rating of the coil, if no thermometer at the coil was read, or if
-    `measured_heating` returns None because there are too few or too equal readings.
+    Returns None if the rig file has no thermal rating of the coil, or if no thermometer at the coil was read. None is
+    also returned if there are too few readings, or if the readings differ too little (`measured_heating`).
     """
     text = dataset.text("rig")
     rating = parse_table(text, "rig").get("coil") if text else None

@@ -173,9 +173,9 @@ def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, .
     A flag is the record of a failed quality check. Only nearly straight states can show that the clamp is misplaced.
 
     The check of the clamp position extrapolates the edges to the line of the clamp. If the beam is strongly curved at
-    the clamp, the extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state with the flag for a
-    wrong clamp position gets the flag of the straightest state instead, or loses the flag if the straightest state does
-    not have this flag.
+    the clamp, the extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state keeps the flag for
+    a wrong clamp position only if the straightest state has this flag too. The flag of the straightest state is then
+    used.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():

@@ -148,8 +148,8 @@ class VirtualBeam:
         Returns
         -------
         beam : ndarray, shape (n, 2)
-            The n points of the outline of the beam in the beam frame (x along the straight beam from the clamp, y
-            across), mm, from the left end of the clamp line around the tip to the right end.
+            The n points of the outline of the beam, mm, from the left end of the clamp line around the tip to the right
+            end. x runs along the straight beam from the clamp, and y across the beam.
         magnet : ndarray, shape (4, 2), or None
             The corners of the magnet, mm; None without a magnet.
 

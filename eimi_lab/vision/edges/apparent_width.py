@@ -34,8 +34,8 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Returns
     -------
     float or None
-        None if, on one of the lines, the body does not end within the image on both sides of the axis, at most half a
-        length of the specimen from the axis.
+        The width. None if an end of the body is not found on one of the lines. The ends are searched within the image,
+        at most half a length of the specimen from the axis.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)

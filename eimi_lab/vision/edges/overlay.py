@@ -59,8 +59,8 @@ def draw_overlay(
         If given and if there are no edges, the nominal beam is drawn in light blue: the clamp line and the axis of the
         calibration, and the edges of a straight beam with the length and width of the specimen.
     followed : FollowedBeam, optional
-        If this and `specimen_file` are given and if there are no edges, the path along which the beam was followed from
-        its clamp is drawn in yellow, with a cross at its end.
+        The result of following the beam from its clamp. If there are no edges and `specimen_file` is given, the
+        followed path is drawn in yellow, with a cross at the end of the path.
 
     Returns
     -------
