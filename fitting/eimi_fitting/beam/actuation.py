@@ -53,7 +53,7 @@ class Actuation(Protocol):
         numbers : ndarray, shape (m,)
             The m numbers that describe the load in this state.
         field_factor : ndarray, shape (B,)
-            Factor on loads that a magnetic field causes, for each of B candidates.
+            Factor on loads that a magnetic field causes, for each of B candidate laws.
         mesh : LoadedMesh
             The mesh with the integrals that are needed to compute forces.
         total : SolidLoads
@@ -221,7 +221,7 @@ class LoadedMesh:
         numbers : ndarray, shape (m,)
             The m numbers that describe the actuations in this state, one actuation after another.
         field_factor : ndarray, shape (B,)
-            Factor on magnetic loads for each of B candidates, or shape (1,) for all candidates.
+            Factor on magnetic loads for each of B candidate laws, or shape (1,) for all candidates.
         """
         batch = len(field_factor)
         total = SolidLoads(

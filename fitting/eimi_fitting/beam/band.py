@@ -103,12 +103,12 @@ class BandAssembly:
     def divided(self, element_matrices: Array) -> Iterator[Array]:
         """Return the element matrices of consecutive groups of elements, one array for each group, as `matrix` expects.
 
-        element_matrices: matrices of E elements with d unknowns each, for B candidates, shape (E, B, d, d).
+        element_matrices: matrices of E elements with d unknowns each, for B candidate laws, shape (E, B, d, d).
         """
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Return the lower band of the assembled matrix of each of B candidates, shape (B, n, bandwidth + 1).
+        """Return the lower band of the assembled matrix of each of B candidate laws, shape (B, n, bandwidth + 1).
 
         The assembled matrix of a candidate has n rows. parts: the element matrices of consecutive groups of elements,
         as `divided` returns them. The array of a group of e elements with d unknowns each has the shape (e, B, d, d).
@@ -127,7 +127,7 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the assembled vector of n unknowns for each of B candidates, shape (B, n).
+        """Return the assembled vector of n unknowns for each of B candidate laws, shape (B, n).
 
         element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
         """
@@ -138,7 +138,7 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """The factors of the band matrices of B candidates.
+    """The factors of the band matrices of B candidate laws.
 
     Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, or no factors if `factorise`
     was called with ``only_definite``. If the matrices are not symmetric, all of them have LU factors.
@@ -166,7 +166,7 @@ class BandFactor:
     def solve(self, right: Array) -> Array:
         """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
 
-        There are B candidates with n unknowns each.
+        There are B candidate laws with n unknowns each.
 
         The solution is zero for a candidate whose matrix could not be factorised.
         """

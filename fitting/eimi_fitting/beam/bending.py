@@ -26,7 +26,7 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 
 @dataclass(frozen=True)
 class BentBeam:
-    """The bent shapes of one candidate, or of P candidates, in K states.
+    """The bent shapes of one candidate law, or of P candidate laws, in K states.
 
     A candidate is one set of parameters of a law. If only one candidate was given, as parameters of shape (n,), the
     results have no axis of length P.
@@ -47,17 +47,17 @@ class BentBeam:
 
     @property
     def status(self) -> NDArray[np.int8]:
-        """The outcome of the solution (`Status`) in each of K states, shape (K,), or (P, K) for P candidates."""
+        """The outcome of the solution (`Status`) in each of K states, shape (K,), or (P, K) for P candidate laws."""
         return self._rows(self.shapes.status)
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether every state was solved: one bool, or shape (P,) for P candidates; see `Shapes.converged`."""
+        """Whether every state was solved: one bool, or shape (P,) for P candidate laws; see `Shapes.converged`."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
     def max_stretch(self) -> Array:
-        """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidates.
+        """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidate laws.
 
         NaN where the status is neither CONVERGED nor UNSTABLE.
         """
@@ -65,7 +65,7 @@ class BentBeam:
 
     @property
     def tip_angle_deg(self) -> Array:
-        """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidates.
+        """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidate laws.
 
         NaN where the status is neither CONVERGED nor UNSTABLE.
         """
@@ -82,7 +82,7 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidates
+        ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidate laws
             Positions in mm; NaN where the status is neither CONVERGED nor UNSTABLE.
 
         Raises
@@ -111,7 +111,7 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidates
+        ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidate laws
             The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
             to tip. Each segment is given by three points (x, y) in mm. NaN where the status is neither CONVERGED nor
             UNSTABLE.
@@ -130,7 +130,7 @@ class BentBeam:
 
         Returns
         -------
-        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidates in K states
+        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidate laws in K states
             The points of the left polyline (y < 0 at rest), then of the right polyline, from clamp to tip.
         """
         return points_on(self.outline(view), per_segment)
@@ -138,13 +138,13 @@ class BentBeam:
     def _where_reached(self, values: Array) -> Array:
         """Return an array (P, K, ...) with NaN in the states whose status is neither CONVERGED nor UNSTABLE.
 
-        The array has one row for each of P candidates in K states.
+        The array has one row for each of P candidate laws in K states.
         """
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 
     def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return an array (P, ...) for P candidates, without its first axis if only one candidate was given."""
+        """Return an array (P, ...) for P candidate laws, without its first axis if only one candidate was given."""
         return values[0] if self.is_one else values
 
 
@@ -203,14 +203,14 @@ class Beam:
         bulk_modulus_Pa: ArrayLike | None = None,
         field_factor: ArrayLike | None = None,
     ) -> BentBeam:
-        """Find the equilibrium of one candidate, or of P candidates, in K states, one state after another.
+        """Find the equilibrium of one candidate law, or of P candidate laws, in K states, one state after another.
 
         Parameters
         ----------
         law : Law or str
             A hyperelastic law, or its name in `LAWS`.
         parameters : array_like, shape (n,) or (P, n)
-            The n parameters of the law for one candidate or for P candidates; moduli in Pa.
+            The n parameters of the law for one candidate or for P candidate laws; moduli in Pa.
         loads : Loads
             The loads in K states.
         bulk_modulus_Pa : array_like, shape () or (P,), or None

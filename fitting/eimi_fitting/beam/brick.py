@@ -106,8 +106,8 @@ def mixed(batch: Batch) -> bool:
 def gradients(ops: Operators, nodal: Array) -> Array:
     """Return the displacement gradients (3, 3, E, B, q) for nodal displacements (E, B, 3, 27) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidates. The first axis is the component of
-    the displacement, the second axis is the coordinate of the derivative.
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The first axis is the
+    component of the displacement, the second axis is the coordinate of the derivative.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
@@ -117,7 +117,7 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (E, B, 3, 27) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidates. The largest eigenvalue of the
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The largest eigenvalue of the
     right Cauchy-Green tensor C is computed in closed form (Smith 1961, Communications of the ACM 4:168). If two
     eigenvalues are equal, the relative error of the strain is 1e-8. LAPACK takes eight times as long for matrices of
     this size.
@@ -134,7 +134,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidates, at q Gauss points of each element.
+    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
 
     All values belong to the same displacements and pressures.
 
@@ -168,8 +168,8 @@ class Evaluation(NamedTuple):
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
     """Return internal forces and stresses for nodal displacements (E, B, 3, 27) in mm and pressures (E, B, 4).
 
-    The mesh has E elements and the batch has B candidates. The pressures are coefficients of the pressure functions in
-    MPa.
+    The mesh has E elements and the batch has B candidate laws. The pressures are coefficients of the pressure functions
+    in MPa.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -194,7 +194,7 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of each of E hexahedra for B candidates, (E, B, 81, 81) in N/mm.
+    """Return the tangent stiffness of each of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
 
     The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
     geometric stiffness is computed with the predicted stress (6, E, B, q) at q Gauss points, see `beam.equilibrium`.
@@ -230,7 +230,7 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     """Return the derivatives (E, B, 81, 4) of the four volume residuals by the 81 displacements of an element.
 
-    There are E elements and B candidates. `eimi_fitting.beam.element.volume_gap` defines the volume residuals.
+    There are E elements and B candidate laws. `eimi_fitting.beam.element.volume_gap` defines the volume residuals.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
@@ -251,7 +251,7 @@ def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: A
 
     `Evaluation` defines S, D, J and C. The increment dE of the Green strain follows from the displacement ``step``
     (E, B, 3, 27) in mm. The increment dp of the pressure follows from ``pressure_step`` (E, B, 4) in MPa. The mesh has
-    E elements with q Gauss points each, and the batch has B candidates.
+    E elements with q Gauss points each, and the batch has B candidate laws.
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

@@ -239,7 +239,7 @@ class DipoleInField:
     reference_mm : ndarray, shape (2,)
         Position (x, y) of the reference point at rest.
     field_T : ndarray, shape (B, 2)
-        The field (x, y) at the position of the dipole at rest, for each of B candidates, or shape (1, 2) for all
+        The field (x, y) at the position of the dipole at rest, for each of B candidate laws, or shape (1, 2) for all
         candidates.
     """
 
@@ -255,7 +255,7 @@ class DipoleInField:
         Parameters
         ----------
         rigid : ndarray, shape (B, 3)
-            Translation of the body in mm and rotation in rad, for each of B candidates.
+            Translation of the body in mm and rotation in rad, for each of B candidate laws.
 
         Returns
         -------
@@ -305,7 +305,7 @@ class SiliconeInField:
     dipoles : ndarray, shape (E, n)
         Weights of the nodes' positions in the dipole, in N/T.
     field_T : ndarray, shape (B, 2)
-        The field (x, y) at ``rest_mm`` for each of B candidates, or shape (1, 2) for all candidates.
+        The field (x, y) at ``rest_mm`` for each of B candidate laws, or shape (1, 2) for all candidates.
     """
 
     shape: CoilShape
@@ -323,7 +323,7 @@ class SiliconeInField:
         Parameters
         ----------
         nodal : ndarray, shape (E, B, d, n)
-            Displacements in mm in d dimensions of the n nodes of each element, for B candidates.
+            Displacements in mm in d dimensions of the n nodes of each element, for B candidate laws.
 
         Returns
         -------

@@ -146,8 +146,8 @@ def mixed(batch: Batch) -> bool:
 def gradients(ops: Operators, nodal: Array) -> Array:
     """Return the displacement gradients (2, 2, E, B, q) for nodal displacements (E, B, 2, 9) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidates. The first axis is the component of
-    the displacement, the second axis is the coordinate of the derivative.
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The first axis is the
+    component of the displacement, the second axis is the coordinate of the derivative.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
@@ -157,7 +157,7 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch in the plane, (E, B, q), for nodal displacements (E, B, 2, 9) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidates.
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws.
     """
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
@@ -166,7 +166,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 
 class Evaluation(NamedTuple):
-    """Forces, stresses and strains of E elements for B candidates, at q Gauss points of each element.
+    """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
 
     All values belong to the same displacements and pressures.
 
@@ -225,8 +225,8 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
     """Return internal forces and stresses for nodal displacements (E, B, 2, 9) in mm and pressures (E, B, 3).
 
-    The mesh has E elements and the batch has B candidates. The pressures are coefficients of the pressure functions in
-    MPa.
+    The mesh has E elements and the batch has B candidate laws. The pressures are coefficients of the pressure functions
+    in MPa.
     """
     F = gradients(ops, nodal)
     F[0, 0] += 1
@@ -263,7 +263,7 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of each of E elements for B candidates, (E, B, 18, 18) in N/mm per mm of depth.
+    """Return the tangent stiffness of each of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
 
     The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
     geometric stiffness is computed with the predicted stress (3, E, B, q) at q Gauss points, see `beam.equilibrium`.
@@ -307,7 +307,7 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return the volume residuals (E, B, 3) of E elements for B candidates.
+    """Return the volume residuals (E, B, 3) of E elements for B candidate laws.
 
     Residual k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
     deformation gradient, p is the pressure and K is the bulk modulus.
@@ -319,7 +319,7 @@ def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) ->
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     """Return the derivatives (E, B, 18, 3) of the three volume residuals by the 18 displacements of an element.
 
-    There are E elements and B candidates. `volume_gap` defines the volume residuals.
+    There are E elements and B candidate laws. `volume_gap` defines the volume residuals.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]

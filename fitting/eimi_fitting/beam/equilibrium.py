@@ -46,7 +46,7 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh in one state, with one row for each of B candidates or one row for all; see `beam.actuation`.
+    """Loads on a mesh in one state, with one row for each of B candidate laws or one row for all; see `beam.actuation`.
 
     All loads are per mm of depth if the mesh is planar. The mesh has N nodes with d coordinates.
 
@@ -77,7 +77,7 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """The unknowns of B candidates in one state: displacements, motion of the rigid body, pressures and stresses.
+    """The unknowns of B candidate laws in one state: displacements, motion of the rigid body, pressures and stresses.
 
     A linear combination of the configurations in solved states is the start for the solution of the next state.
 
@@ -154,7 +154,7 @@ def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
 
 @dataclass(frozen=True)
 class _Step:
-    """One linear step of Newton's method for B candidates.
+    """One linear step of Newton's method for B candidate laws.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ class Solid:
     def by_element(self, nodal: Array) -> Array:
         """Return a nodal array (B, N, d), for example displacements, by element: (E, B, d, n).
 
-        There are B candidates and N nodes in d dimensions, and E elements with n nodes each.
+        There are B candidate laws and N nodes in d dimensions, and E elements with n nodes each.
         """
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
@@ -253,7 +253,7 @@ class Solid:
     def stretch(self, displacement: Array) -> Array:
         """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (B, N, d) in mm.
 
-        There are B candidates and N nodes in d dimensions, and E elements with q Gauss points each.
+        There are B candidate laws and N nodes in d dimensions, and E elements with q Gauss points each.
         """
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
@@ -341,7 +341,7 @@ class Solid:
         Parameters
         ----------
         batch : Batch
-            B candidates.
+            B candidate laws.
         loads : SolidLoads
             The loads on the mesh.
         start : Configuration

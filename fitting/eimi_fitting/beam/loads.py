@@ -175,6 +175,6 @@ class Loads:
         """Return a function that computes the loads on a mesh.
 
         The function takes the m numbers that describe the loads in a state (see `state`), shape (m,), and the factors
-        on the magnetic loads of B candidates, shape (B,).
+        on the magnetic loads of B candidate laws, shape (B,).
         """
         return partial(mesh.loads, self.actuations)

@@ -120,7 +120,7 @@ class BeamModel:
         return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points for P candidates in K states, (P, K, n, 2) in mm.
+        """Return the positions of n material points for P candidate laws in K states, (P, K, n, 2) in mm.
 
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
@@ -137,7 +137,8 @@ class BeamModel:
 
         The straight strip is a straight beam of constant width, which is mapped to the rest shape.
 
-        There are P candidates and K states. straight_mm: coordinates x and y of the points in the strip, shape (n, 2).
+        There are P candidate laws and K states. straight_mm: coordinates x and y of the points in the strip,
+        shape (n, 2).
 
         Raises
         ------
@@ -154,7 +155,7 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points of the magnet for P candidates in K states, (P, K, n, 2) in mm.
+        """Return the positions of n points of the magnet for P candidate laws in K states, (P, K, n, 2) in mm.
 
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
         """
@@ -165,7 +166,7 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
+        """Return the rotation of the magnet for P candidate laws in K states, (P, K) in degrees.
 
         Without a magnet, return the rotation of the last column of nodes, at the tip.
         """
@@ -190,7 +191,7 @@ class BeamModel:
         keep: bool = False,
         near: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidates in K states, one state after another.
+        """Find the equilibrium of P candidate laws in K states, one state after another.
 
         The solution of the first state begins at rest or at ``start``. The solution of each later state begins at an
         extrapolation of the states before it. If the step from one state to the next fails, the step is divided into
@@ -238,7 +239,7 @@ class BeamModel:
     def element_stretch(self, shapes: Shapes) -> Array:
         """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
 
-        There are P candidates and K states.
+        There are P candidate laws and K states.
         """
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))

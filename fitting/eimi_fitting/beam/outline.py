@@ -23,7 +23,7 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the left and the right edge of a planar beam model for P candidates in K states.
+    """Return the left and the right edge of a planar beam model for P candidate laws in K states.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
-    """Return the left and the right outline of the beam as a camera sees them, for P candidates in K states.
+    """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
 
     At each station along the beam, the outline passes through the point of the face that lies farthest out in the
     picture, measured along the normal of the outline. This point may lie at any depth. The faces of a planar model are
@@ -88,8 +88,8 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
     """Return the left and right face of a solid model as points in mm, (P, K, 2, stations, nodes in depth, 3).
 
-    There are P candidates and K states. At each station along the beam the points are the deformed nodes, ordered from
-    mid-depth, z = 0, to z = depth / 2.
+    There are P candidate laws and K states. At each station along the beam the points are the deformed nodes, ordered
+    from mid-depth, z = 0, to z = depth / 2.
     """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
@@ -99,8 +99,8 @@ def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
     """Return points on the left and right face of a planar model in mm, (P, K, 2, stations, 3, 3).
 
-    There are P candidates and K states. At each station along the beam there are three points, from mid-depth, z = 0,
-    to z = depth / 2.
+    There are P candidate laws and K states. At each station along the beam there are three points, from mid-depth, z =
+    0, to z = depth / 2.
     """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)

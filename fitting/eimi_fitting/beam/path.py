@@ -46,7 +46,7 @@ LoadsAt = Callable[[Array, Array], SolidLoads]
 
 @dataclass(frozen=True)
 class Shapes:
-    """The deformed shapes of the beam for P candidates in K states.
+    """The deformed shapes of the beam for P candidate laws in K states.
 
     The mesh has N nodes in d dimensions. For a state that could not be solved, the arrays contain the last
     configuration that was reached. ``status`` tells which states were solved.
@@ -80,7 +80,7 @@ class Shapes:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Whether all states of each of P candidates have the status CONVERGED, shape (P,)."""
+        """Whether all states of each of P candidate laws have the status CONVERGED, shape (P,)."""
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
@@ -401,7 +401,7 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return, for each of B candidates, whether the largest strain is not much larger than predicted, shape (B,).
+    """Return, for each of B candidate laws, whether the largest strain is not much larger than predicted, shape (B,).
 
     A much larger strain is a sign of a folded corner of the mesh.
     """

@@ -77,7 +77,7 @@ class FollowerPressure:
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
         """Subtract the nodal forces of a pressure from ``force``, and the derivative of the forces from ``stiffness``.
 
-        There are E elements and B candidates.
+        There are E elements and B candidate laws.
 
         Parameters
         ----------

@@ -47,8 +47,8 @@ class RigidBody:
     def carry(self, displacement: Array, rigid: Array) -> None:
         """Give the nodes of the rigid body (magnet) their displacements, in place.
 
-        displacement: displacements of all N nodes with d coordinates for B candidates, (B, N, d) in mm. The rows of the
-        nodes of the body are overwritten. rigid: translation (x, y) in mm and rotation in rad of the body for each
+        displacement: displacements of all N nodes with d coordinates for B candidate laws, (B, N, d) in mm. The rows of
+        the nodes of the body are overwritten. rigid: translation (x, y) in mm and rotation in rad of the body for each
         candidate, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
@@ -61,7 +61,8 @@ class RigidBody:
 
         The rigid body is the magnet with the silicone that moves rigidly with it.
 
-        Et elements have nodes of the body. Each element has u unknowns, and there are B candidates. rigid: see `carry`.
+        Et elements have nodes of the body. Each element has u unknowns, and there are B candidate laws.
+        rigid: see `carry`.
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -72,7 +73,7 @@ class RigidBody:
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
         """Return the rotational stiffness of the rigid body (magnet) due to the forces on its nodes, (B,).
 
-        There are B candidates.
+        There are B candidate laws.
 
         force: forces (E, B, u) on the u unknowns of each of E elements. rigid: see `carry`.
         """
@@ -87,7 +88,8 @@ def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
     A dead load keeps its direction and size while the rigid body (the magnet) turns.
 
     R(theta) is the matrix of the rotation theta of a rigid body. The stiffness is minus the derivative of the moment by
-    theta. tensor: (B, 2, 2) for B candidates, or (1, 2, 2). rigid: translation of the body and rotation theta, (B, 3).
+    theta. tensor: (B, 2, 2) for B candidate laws, or (1, 2, 2). rigid: translation of the body and rotation
+    theta, (B, 3).
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

@@ -74,7 +74,7 @@ class SolidModel:
         field_factor: Array | None = None,
         beside: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidates in K states; see `BeamModel.solve`.
+        """Find the equilibrium of P candidate laws in K states; see `BeamModel.solve`.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class SolidModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet for P candidates in K states, (P, K) in degrees.
+        """Return the rotation of the magnet for P candidate laws in K states, (P, K) in degrees.
 
         Without a magnet, return the rotation of the nodes of the tip at mid-depth.
         """
@@ -112,14 +112,14 @@ class SolidModel:
     def element_stretch(self, shapes: Shapes) -> Array:
         """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
 
-        There are P candidates and K states.
+        There are P candidate laws and K states.
         """
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points for P candidates in K states, (P, K, n, 3) in mm.
+        """Return the positions of n material points for P candidate laws in K states, (P, K, n, 3) in mm.
 
         points_mm: positions (x, y, z) of the points at rest, shape (n, 3), with z = 0 at mid-depth.
 

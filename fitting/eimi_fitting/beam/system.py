@@ -30,7 +30,7 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution of the linear systems of B candidates; zero for candidates whose system could not be solved.
+    """The solution of the linear systems of B candidate laws; zero for candidates whose system could not be solved.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Return the assembled forces (B, n) on n unknowns from element forces (E, B, d), for B candidates."""
+        """Return the assembled forces (B, n) on n unknowns from element forces (E, B, d), for B candidate laws."""
         return self._assembly.vector(force)[:, : self.n]
 
     def solve(
@@ -98,7 +98,7 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness K and the forces of the elements, and solve K x = right - forces for B candidates.
+        """Assemble the stiffness K and the forces of the elements, and solve K x = right - forces for B candidate laws.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class System:
         """Return the stiffness that couples the rigid body (the magnet) to m unknowns of the nodes, (B, 3, m).
 
         rows: this stiffness for each of the Et elements with nodes of the body, (Et, B, 3, d). An element has d
-        unknowns, and there are B candidates. The three rows belong to the translation and the rotation of the body.
+        unknowns, and there are B candidate laws. The three rows belong to the translation and the rotation of the body.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
@@ -210,7 +210,7 @@ class System:
 
 
 class FactoredSystem:
-    """The factorised linear systems of B candidates, which can be solved for many right-hand sides.
+    """The factorised linear systems of B candidate laws, which can be solved for many right-hand sides.
 
     Parameters
     ----------
@@ -255,8 +255,8 @@ class FactoredSystem:
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
         """Return the n nodal unknowns, (m, B, n), and the body's unknowns, (m, B, 3), for m right-hand sides.
 
-        There are B candidates. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns. The
-        unknowns of the body (the rigid magnet) are its translation (x, y) and its rotation.
+        There are B candidate laws. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns.
+        The unknowns of the body (the rigid magnet) are its translation (x, y) and its rotation.
         """
         structure = self._structure
         if self._body is None:

@@ -326,7 +326,7 @@ class Transient:
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
     """Return the nodal forces (E, B, 2, 9) due to a second Piola-Kirchhoff stress (3, E, B, q).
 
-    There are E elements with q Gauss points each, and B candidates. F: deformation gradient (2, 2, E, B, q).
+    There are E elements with q Gauss points each, and B candidate laws. F: deformation gradient (2, 2, E, B, q).
     """
     s11, s22, s12 = stress
     (f11, f12), (f21, f22) = F

@@ -43,7 +43,7 @@ _TOLERANCE_MM = 1e-5
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of B candidates, reduced to m shapes.
+    """The matrices of small motions of B candidate laws, reduced to m shapes.
 
     K_m is the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the
     mass matrix.
@@ -70,13 +70,13 @@ class ReducedMotion:
     def frequencies_Hz(self, count: int = 3) -> Array:
         """Return the lowest undamped frequencies, with the modulus of the equilibrium, (B, count) in Hz.
 
-        There are B candidates.
+        There are B candidate laws.
         """
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest ``count`` vibrations of B candidates, (B, count) in 1/s.
+        """Return the complex rates s of the lowest ``count`` vibrations of B candidate laws, (B, count) in 1/s.
 
         ratio: the complex modulus at the rate s divided by the modulus of the equilibrium, r(s); see `complex_roots`.
         """
@@ -100,8 +100,8 @@ def complex_roots(
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidates, reduced to m shapes: the stiffness due to the tangent of the law, the stiffness
-        due to stresses and loads, and the mass.
+        K_m, K_g and M of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law, the
+        stiffness due to stresses and loads, and the mass.
     ratio : callable
         The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
         equilibrium, (B, count).
@@ -172,9 +172,9 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 
     They are the eigenvalues of the stiffness r K_m + K_g and the mass M.
 
-    material, rest, mass: K_m, K_g and M of B candidates, reduced to m shapes, (B, m, m): stiffness due to the tangent
-    of the law, stiffness due to stresses and loads, mass. stiffening: q real ratios r, (q,), of the modulus in the
-    vibration to the modulus of the equilibrium.
+    material, rest, mass: K_m, K_g and M of B candidate laws, reduced to m shapes, (B, m, m): stiffness due to the
+    tangent of the law, stiffness due to stresses and loads, mass. stiffening: q real ratios r, (q,), of the modulus in
+    the vibration to the modulus of the equilibrium.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -183,8 +183,8 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return the stiffness matrices K_m and K_g in coordinates in which M is the unit matrix, (B, m, m) each.
 
-    There are B candidates and m shapes. K_m is the stiffness due to the tangent of the law, K_g the stiffness due to
-    stresses and loads, and M the mass.
+    There are B candidate laws and m shapes. K_m is the stiffness due to the tangent of the law, K_g the stiffness due
+    to stresses and loads, and M the mass.
 
     A shape that is nearly a sum of other shapes gets a stiffness that is larger than the stiffness of all other shapes,
     because it adds no motion. If a matrix of a candidate has entries that are not finite, both stiffness matrices of
@@ -238,7 +238,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the reduced motion (matrices for a few shapes) of B candidates about equilibria, and the equilibria.
+        """Return the reduced motion (matrices for a few shapes) of B candidate laws, and their equilibria.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion (matrices for a few shapes) of B candidates about given equilibria.
+        """Return the reduced motion (matrices for a few shapes) of B candidate laws about given equilibria.
 
         chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. For the other
         parameters see `about`.
@@ -326,7 +326,7 @@ class Vibration:
         """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
 
         The m modes have unit mass. Returns the n unknowns of the nodes, (m, B, n), and the motion of the rigid body,
-        (m, B, 3), in the modes of B candidates. The rigid body is the magnet.
+        (m, B, 3), in the modes of B candidate laws. The rigid body is the magnet.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -358,7 +358,7 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of the u unknowns of each of E elements in m shapes of B candidates, (m, E, B, u).
+        """Return the displacements of the u unknowns of E elements in m shapes of B candidate laws, (m, E, B, u).
 
         free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body (the magnet).
         """
@@ -387,7 +387,7 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices (B, m, m) of m shapes of B candidates; for the arguments see `_local`."""
+        """Return the mass matrices (B, m, m) of m shapes of B candidate laws; for the arguments see `_local`."""
         m, e, b, u = local.shape
         d = self._solid.dimensions
         by_direction = local.reshape(m, e, b, d, u // d)
@@ -400,7 +400,7 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass in m shapes of B candidates, (m, B, 2).
+        """Return the displacement (x, y) of the point mass in m shapes of B candidate laws, (m, B, 2).
 
         nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
         """
@@ -409,7 +409,7 @@ class Vibration:
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the mass matrix times m shapes: for n nodal unknowns, (m, B, n), and for the body, (m, B, 3).
 
-        The body is the rigid magnet. There are B candidates. For the arguments see `_local`.
+        The body is the rigid magnet. There are B candidate laws. For the arguments see `_local`.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -429,7 +429,7 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m) for B candidates.
+    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m) for B candidate laws.
 
     The eigenvectors have unit mass. The mass matrix must have ones on its diagonal. A multiple of the rounding error is
     added to its diagonal, so that it is positive definite even if shapes are linearly dependent.
@@ -444,7 +444,7 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 def _quadratic(local: Array, matrices: Array) -> Array:
     """Return matrices (B, m, m) that are reduced from element matrices (E, B, u, u) to m shapes.
 
-    local: the u unknowns of each of E elements in the m shapes of B candidates, (m, E, B, u).
+    local: the u unknowns of each of E elements in the m shapes of B candidate laws, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -456,7 +456,7 @@ def _tangents(
     """Return the two parts K_m and K_g of the tangent stiffness about an equilibrium, and the rigid body's derivatives.
 
     K_m contains the tangent of the law, and K_g the stresses and loads. The first two results are K_m and K_g of each
-    of E elements with u unknowns for B candidates, (E, B, u, u) each. The third result is the array of
+    of E elements with u unknowns for B candidate laws, (E, B, u, u) each. The third result is the array of
     `RigidBody.matrix`, or None without a rigid body (magnet). The last result is the part of K_g that belongs to the
     body, (B, 3, 3).
     """

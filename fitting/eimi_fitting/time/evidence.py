@@ -1,8 +1,8 @@
 """The evidence for a viscoelastic law: residuals of ring-downs, creep and static states.
 
-Each piece of evidence computes its residuals for P candidates. A candidate is an instantaneous shear modulus (Pa), a
-Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its standard
-uncertainty.
+Each piece of evidence computes its residuals for P candidate laws. A candidate is an instantaneous shear modulus (Pa),
+a Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its
+standard uncertainty.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Evidence(Protocol):
     """The interface of one piece of evidence for a viscoelastic (Prony) law, with k residuals."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of P candidates, each divided by its standard uncertainty, (P, k).
+        """Return the k residuals of P candidate laws, each divided by its standard uncertainty, (P, k).
 
         A candidate consists of an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a factor on
         the magnetic loads.
@@ -232,7 +232,7 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation that would be measured at the k times for P candidates, (P, k) in rad."""
+        """Return the rotation that would be measured at the k times for P candidate laws, (P, k) in rad."""
         true = creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
         if self.shown is None:
             return true
@@ -294,7 +294,7 @@ class StaticEvidence:
         return float(np.median(self.seen_s - begins))
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidates, (P,).
+        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidate laws, (P,).
 
         The fit uses the states that are computed for the candidate.
         """

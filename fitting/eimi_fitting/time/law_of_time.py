@@ -100,7 +100,7 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of ring-downs, creep and static states (the evidence) for P candidates, (P, k).
+        """Return the k residuals of ring-downs, creep and static states (the evidence) for P candidate laws, (P, k).
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
@@ -112,14 +112,14 @@ class Problem:
     def residuals(self, unknowns: Array) -> Array:
         """Return the k residuals of the recordings and static states, then the m residuals of the priors, (P, k + m).
 
-        There are P candidates.
+        There are P candidate laws.
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidates, (P,).
+        """Return the root of the sum of the squared residuals for P candidate laws, (P,).
 
         The result is infinity for a candidate with a residual that is not finite. unknowns: the m unknowns of each
         candidate, (P, m).
@@ -299,7 +299,7 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f quantities of P candidates in which the residuals are almost linear, (P, f).
+    """Return f quantities of P candidate laws in which the residuals are almost linear, (P, f).
 
     The f quantities are logarithms of moduli, loss factors of the material at the angular frequencies ``omegas``
     (rad/s), and the logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).

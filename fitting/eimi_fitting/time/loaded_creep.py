@@ -101,7 +101,7 @@ def creep(
     times_s: Array,
     load_factor: Array,
 ) -> Array:
-    """Return the rotation of the tip at m times for P candidates, (P, m) in rad.
+    """Return the rotation of the tip at m times for P candidate laws, (P, m) in rad.
 
     Internal variables integrate the Prony series exactly for rotations that change linearly within a time step (Simo
     and Hughes 1998, Computational Inelasticity, section 10.3). Inertia is neglected.

@@ -185,7 +185,7 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage modulus Re mu* of P candidates at an angular frequency, (P,) in Pa.
+    """Return the storage modulus Re mu* of P candidate laws at an angular frequency, (P,) in Pa.
 
     unknowns: the m unknowns of each candidate, (P, m); omega: angular frequency in rad/s.
     """

@@ -198,7 +198,7 @@ class RingTable:
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
-        """Return the complex rates s of the vibrations of P candidates, (P, count) in 1/s.
+        """Return the complex rates s of the vibrations of P candidate laws, (P, count) in 1/s.
 
         The rates are corrected from the planar to the solid model by `solid_over_planar`.
 

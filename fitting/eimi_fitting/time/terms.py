@@ -67,7 +67,7 @@ class Terms:
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
-        """Return the instantaneous shear moduli of P candidates, (P,) in Pa, and the Prony series of the candidates.
+        """Return the instantaneous shear moduli of P candidate laws, (P,) in Pa, and their Prony series.
 
         unknowns: the 1 + 2 n unknowns of each candidate, (P, 1 + 2 n).
         """

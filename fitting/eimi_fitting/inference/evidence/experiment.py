@@ -186,7 +186,7 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of measured from simulated points in mm, (P, K), for P candidates in K states."""
+        """Root mean square distance of measured from simulated points in mm, (P, K): P candidate laws, K states."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
@@ -196,7 +196,7 @@ class Comparison:
 
     @property
     def objective_mm(self) -> Array:
-        """Mean over all states of ``error_mm``, for P candidates, shape (P,), in mm.
+        """Mean over all states of ``error_mm``, for P candidate laws, shape (P,), in mm.
 
         The value is `DISCARDED_MM` for a candidate without an equilibrium or with an unstable law.
         """
@@ -264,14 +264,14 @@ def compare(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of P candidates, in the order and units of the law.
+        The n parameters of P candidate laws, in the order and units of the law.
     experiments : sequence of Experiment
         The experiments.
     bulk_modulus_Pa : ndarray, shape (P,), optional
         Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        For each experiment, the factors on the field and the maps of the image of the P candidates; the stated values
-        by default.
+        For each experiment, the factors on the field and the maps of the image of the P candidate laws; the stated
+        values by default.
     near : sequence of Shapes
         For each experiment, shapes from an earlier call with ``keep``. The solver starts from the shape of the first
         candidate of that call.
@@ -285,7 +285,7 @@ def compare(
     Returns
     -------
     Comparison
-        The comparison of the P candidates.
+        The comparison of the P candidate laws.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)

@@ -228,7 +228,7 @@ class EdgeObservation:
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of P candidates from this model.
+            Shapes of P candidate laws from this model.
         setup : Setup, optional
             The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
@@ -255,7 +255,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return residuals in mm with error and deviation in mm of each of P candidates in each of K states.
+        """Return residuals in mm with error and deviation in mm of each of P candidate laws in each of K states.
 
         The error is the root mean square distance of the measured points from the edge, and the deviation is the
         standard deviation of these distances without sign. Points with an infinite uncertainty do not count.
@@ -313,7 +313,7 @@ class PointObservation:
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of P candidates from this model.
+            Shapes of P candidate laws from this model.
         setup : Setup, optional
             The map from true positions to positions in the picture for each candidate; the stated map by default.
         change : ndarray, shape (K, 2, n), optional
@@ -339,7 +339,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return residuals in mm with error and deviation in mm of each of P candidates in each of K states.
+        """Return residuals in mm with error and deviation in mm of each of P candidate laws in each of K states.
 
         The error is the root mean square distance of the measured points from their simulated positions, the deviation
         the standard deviation of these distances. Points with an infinite uncertainty do not count. ``residuals`` has

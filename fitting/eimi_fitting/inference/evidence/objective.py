@@ -38,6 +38,8 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 class Evaluation:
     """The comparison of P candidates of a fit with all the evidence: edges, tensile curves and priors.
 
+    A candidate is one set of values of the unknowns of the fit.
+
     Parameters
     ----------
     comparison : Comparison
@@ -190,7 +192,7 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Compare P candidates of a fit with all the evidence: edges, tensile curves and priors.
+        """Compare P candidates (sets of values of the unknowns) with the evidence: edges, tensile curves and priors.
 
         Parameters
         ----------

@@ -66,7 +66,7 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P candidates, shape (P,).
+        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P candidate laws, shape (P,).
 
         ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
         """

@@ -103,14 +103,14 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return simulated minus measured stress in Pa, (P, m), in m rows of the curve for P candidates.
+        """Return simulated minus measured stress in Pa, (P, m), in m rows of the curve for P candidate laws.
 
         ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
         """
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the residuals divided by their standard deviation, (P, m), in m rows of the curve for P candidates.
+        """Return the residuals over their standard deviation, (P, m), in m rows of the curve for P candidate laws.
 
         ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
         """

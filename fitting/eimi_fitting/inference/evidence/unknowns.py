@@ -284,7 +284,8 @@ def nuisances(
 class Unknowns:
     """The unknowns of a fit: coordinates of the law, then the bulk modulus if it is searched, then freed nuisances.
 
-    Each of the n unknowns has a unit coordinate from 0 to 1. P candidates have the shape (P, n).
+    Each of the n unknowns has a unit coordinate from 0 to 1. P candidates (sets of values of the unknowns) have the
+    shape (P, n).
 
     Parameters
     ----------

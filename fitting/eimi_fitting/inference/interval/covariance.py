@@ -183,7 +183,7 @@ class Linearisation:
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the scores of P candidates, shape (P, n), without the priors on the law's parameters.
+        """Return the scores of P candidates (sets of values of the unknowns), (P, n), without the priors on the law.
 
         The score is the gradient of minus the log-likelihood in n unknowns. The slopes of the residuals belong to the
         optimum. The weights are computed from the errors of the candidates.

@@ -130,8 +130,8 @@ def interval_ends(
     Parameters
     ----------
     deviance : callable
-        Takes P candidates (P, n) and returns their deviances (P,) and scores (P, n), the gradients of half the
-        deviance.
+        Takes P sets of values of the unknowns, (P, n), and returns their deviances (P,) and scores (P, n), the
+        gradients of half the deviance.
     unit : ndarray, shape (n,)
         The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
     score : ndarray, shape (n,)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Edges and their derivatives for P candidates with n parameters in K states.
+    """Edges and their derivatives for P candidate laws with n parameters in K states.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ def edge_sensitivity(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of P candidates, in the order and units of the law.
+        The n parameters of P candidate laws, in the order and units of the law.
     loads : Loads
         The loads of K states.
     relative_step : float

@@ -39,7 +39,7 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of P candidates of a fit."""
+    """The objective and the residuals of P candidates (sets of values of the unknowns) of a fit."""
 
     @property
     def objective_mm(self) -> Array:

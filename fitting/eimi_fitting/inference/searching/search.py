@@ -1,8 +1,8 @@
 """Global search by CMA-ES in the unit cube.
 
-Each generation draws P candidates u = m + sigma N(0, C) in unit coordinates. The ranks of their objectives adapt the
-mean m, the step size sigma and the covariance C (Hansen, arXiv:1604.00772; implementation: the package cma). The
-package keeps each coordinate of the candidates within 0..1. A search may consist of several runs:
+A candidate is a point u of the unit cube. Each generation draws P candidates u = m + sigma N(0, C). The ranks of
+their objectives adapt the mean m, the step size sigma and the covariance C (Hansen, arXiv:1604.00772; implementation:
+the package cma). The package keeps each coordinate of the candidates within 0..1. A search may consist of several runs:
 
 - IPOP: the population doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
 - BIPOP: additional runs with a small population and a small first step follow each run of IPOP. All additional runs
@@ -38,7 +38,7 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P candidates of a search, and the reasons why candidates are not valid."""
+    """The objectives of P candidates (points) of a search, and the reasons why candidates are not valid."""
 
     @property
     def objective_mm(self) -> Array:
