@@ -3,7 +3,7 @@
 laws          hyperelastic laws: energy, stability, tensile fits, material cards
 beam          finite-element models that compute the bent shape of a specimen from its loads
 inference     the fit of a law to measured edges, with its uncertainty
-time          the fit of a viscoelastic (Prony) law to ring-downs, creep and static states
+time          the fit of a viscoelastic (Prony) law to ring-downs (free vibrations), creep and static states
 discovery     the choice of the terms of a strain energy function
 units         conversion between Pa and MPa
 correlation   the number of correlated residuals that count as one independent residual

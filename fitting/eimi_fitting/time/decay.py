@@ -191,7 +191,7 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return the warning (doubt) about a ring-down of which only some time windows are used.
+    """Return the warning (doubt) about a ring-down (a free vibration) of which only some time windows are used.
 
     windows: all windows; used: the used windows; label: where the recording comes from; hangs: whether a weight hangs
     from the beam.
@@ -304,7 +304,7 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the part of a ring-down that is fitted, and the doubts (warnings) about this part.
+    """Return start and end in s of the fitted part of a ring-down (a free vibration), and warnings about this part.
 
     In this part the beam decays freely, and its amplitude is below 5 % of the length.
 

@@ -1,4 +1,7 @@
-"""Frequency and loss factor of a ring-down in time windows, to see whether both change with the amplitude."""
+"""Frequency and loss factor of a ring-down in time windows, to see whether both change with the amplitude.
+
+A ring-down is a free vibration that decays.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ _CERTAIN = 5.0  # standard deviations of such a change
 
 @dataclass(frozen=True)
 class Window:
-    """Frequency and loss factor in one time window of a ring-down.
+    """Frequency and loss factor in one time window of a ring-down (a free vibration).
 
     Attributes
     ----------
@@ -52,7 +55,7 @@ class Window:
 
 
 def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return the frequency and loss factor of a ring-down in time windows of equal duration.
+    """Return the frequency and loss factor of a ring-down (a free vibration) in time windows of equal duration.
 
     The amplitude falls to about a half from the start to the end of a window. Windows with an uncertain fit are left
     out.

@@ -1,4 +1,4 @@
-"""The evidence for a viscoelastic law: residuals of ring-downs, creep and static states.
+"""The evidence for a viscoelastic law: residuals of ring-downs (free vibrations), creep and static states.
 
 Each piece of evidence computes its residuals for P candidate laws. A candidate is an instantaneous shear modulus (Pa),
 a Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its
@@ -83,7 +83,7 @@ class RingEvidence:
 
     @staticmethod
     def of(table: RingTable, decay: Decay) -> RingEvidence:
-        """Return the evidence of a ring-down: frequency and loss factor of each mode with uncertainties.
+        """Return the evidence of a ring-down: frequency and loss factor of each mode of a free vibration.
 
         Vibrations that belong to no planar mode of the beam are left out. With a hanging weight, only the lowest mode
         is used: a weight on a thread hardly changes the frequency of this mode, but raises the frequency of the second
@@ -374,7 +374,7 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence (a modulus with its uncertainty) that the sag of the beam in a recorded ring-down gives.
+        """Return the evidence (a modulus) from the sag of the beam in a recorded ring-down (a free vibration).
 
         None if the beam hardly bends under its own weight, or if no modulus near the modulus of the ring-down gives the
         measured sag.
@@ -419,9 +419,10 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return the ring-downs with larger uncertainties if repeated ring-downs differ by more than their uncertainties.
+    """Return ring-downs (free vibrations), with larger uncertainties if necessary.
 
-    The uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).
+    If repeated ring-downs differ by more than their uncertainties, the uncertainties are multiplied by the Birge ratio,
+    the root of (chi-square / degrees of freedom).
     """
     widened = []
     for ring in rings:

@@ -334,7 +334,7 @@ def _at_rest(
 ) -> RestEvidence | None:
     """Return the shear modulus that the sag of the beam at rest gives, as evidence for the viscoelastic law.
 
-    The sag is measured in the first ring-down without a step of the load.
+    The sag is measured in the first ring-down (free vibration) without a step of the load.
 
     Only ring-downs with the loads of ``table`` count. None if there is no such ring-down.
     """
@@ -367,7 +367,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times in s that ring-downs, creep and static states cover.
+    """Return the range of times in s that ring-downs (free vibrations), creep and static states cover.
 
     The range is extended by half a decade at both ends.
     """

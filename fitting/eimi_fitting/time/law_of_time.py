@@ -70,7 +70,9 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law with a given number of terms to ring-downs, creep and static states (the evidence).
+    """The fit of a viscoelastic law with a given number of terms to the evidence.
+
+    The evidence is ring-downs (free vibrations), recordings of creep, and static states.
 
     Attributes
     ----------
@@ -100,7 +102,7 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of ring-downs, creep and static states (the evidence) for P candidate laws, (P, k).
+        """Return the k residuals of the evidence (vibrations, creep and static states) for P candidate laws, (P, k).
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
@@ -335,7 +337,7 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     seed : int
         Seed of the random numbers.
     omegas : ndarray
-        Angular frequencies of the ring-downs in rad/s.
+        Angular frequencies of the ring-downs (free vibrations) in rad/s.
     of_sources : bool
         Whether to add the changes due to the sources of uncertainty.
     """

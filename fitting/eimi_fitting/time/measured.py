@@ -1,4 +1,4 @@
-"""Measured motions of a beam: ring-downs and creep of points, with a time for each point in each frame."""
+"""Measured motions of a beam: ring-downs (free vibrations) and creep, with a time for each point in each frame."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class ModalFit:
 
     @staticmethod
     def of(signals: Signals, modes: Array, has_bend: bool) -> ModalFit:
-        """Fit modes to the signals of a ring-down, starting from given modes.
+        """Fit modes to the signals of a ring-down (a free vibration), starting from given modes.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether frequency and loss factor change with the amplitude by no more than in a ring-down of a beam."""
+        """Whether frequency and loss factor change with the amplitude by no more than in a free vibration of a beam."""
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:

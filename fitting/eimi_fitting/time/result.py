@@ -54,7 +54,7 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """The result for a ring-down: frequency and loss factor at small amplitudes, time windows, and a curve.
+    """The result for a ring-down (a free vibration): frequency, loss factor, time windows, and a curve.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class LawOfTime:
     Attributes
     ----------
     frequency_Hz : float
-        Frequency of the first ring-down.
+        Frequency of the first ring-down (free vibration).
     loss_factor : float
         Loss factor Im mu* / Re mu* of the material at ``frequency_Hz``.
     loss_interval_95 : tuple of float
@@ -226,7 +226,7 @@ def result_of(
     optimum, optima : TimeOptimum and sequence of TimeOptimum
         The optimum with the chosen number of terms, and the optima for all numbers of terms.
     rings, creeps, static : tuple of RingEvidence, tuple of CreepEvidence, StaticEvidence or None
-        The ring-downs, the recordings of creep, and the static states if there are any.
+        The ring-downs (free vibrations), the recordings of creep, and the static states if there are any.
     data_s : tuple of float
         Range of times in s that the data cover.
     sources : mapping of str to float

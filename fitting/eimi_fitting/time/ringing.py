@@ -57,7 +57,7 @@ class NoEquilibrium(Exception):
 
 @dataclass(frozen=True)
 class RingingBeam:
-    """A specimen under the loads that act during a ring-down.
+    """A specimen under the loads that act during a ring-down (a free vibration).
 
     Attributes
     ----------

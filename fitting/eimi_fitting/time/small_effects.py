@@ -1,6 +1,7 @@
-"""Small effects on a ring-down that are estimated but not corrected: air, eddy currents, coil, shutter, clamp.
+"""Small effects on a ring-down (a free vibration) that are estimated but not corrected, such as the air.
 
-For each effect, the changes of the dynamic modulus and of the loss factor are estimated.
+The others are eddy currents, the coil, the exposure of the frames, and the clamp. For each effect, the changes of the
+dynamic modulus and of the loss factor are estimated.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _COIL_OHM = 2.0
 
 @dataclass(frozen=True)
 class SmallEffect:
-    """An effect on a ring-down that is estimated but not corrected.
+    """An effect on a ring-down (a free vibration) that is estimated but not corrected.
 
     Attributes
     ----------
@@ -43,7 +44,7 @@ class SmallEffect:
 def small_effects(
     specimen: Specimen, loads: Loads, frequency_Hz: float, loss: float, gain: float, exposure_s: float | None
 ) -> tuple[SmallEffect, ...]:
-    """Return the estimates of all small effects on the modulus and loss factor of one ring-down.
+    """Return the estimates of all small effects on the modulus and loss factor of one ring-down (a free vibration).
 
     The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
     6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
