@@ -65,8 +65,8 @@ class Evidence:
     used : StatesUsed
         The indices of the used states and of the states left out, with their flags (failed quality checks).
     taken_as_exact : tuple of str
-        Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
-        its keys; if a calibration gives none, `calibration` stands for its keys.
+        Keys of the input files for which no uncertainty is given. If a file gives no uncertainty at all, one word
+        replaces all its keys: `dimensions` for the specimen, `calibration` for the calibration.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None

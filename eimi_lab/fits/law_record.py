@@ -188,7 +188,7 @@ class LawRecord:
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of the parameters and the initial shear modulus, with their 95 % intervals.
 
-        The column `held_by_bounds` tells whether the data leave the value undetermined. Raises ImportError without
+        The column `held_by_bounds` is true if the data do not determine the value. Raises ImportError without
         pandas.
         """
         rows = [

@@ -197,8 +197,8 @@ class FitRecord(IdentifiedLaw, LawRecord):
     tensile : tuple of CurveRecord
         Tensile curves that were fitted together with the datasets.
     taken_as_exact : tuple of str
-        Keys for which the files give no uncertainty. If a specimen gives no uncertainty at all, `dimensions` stands for
-        its keys; if a calibration gives none, `calibration` stands for its keys.
+        Keys of the input files for which no uncertainty is given. If a file gives no uncertainty at all, one word
+        replaces all its keys: `dimensions` for the specimen, `calibration` for the calibration.
     datasets : tuple of DatasetReference
         The datasets to which the law was fitted.
     bootstrap : BootstrapRecord or None

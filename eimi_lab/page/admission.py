@@ -87,7 +87,7 @@ class Admission:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request with a refusal, or with the answer of the application.
 
-        Headers that restrict the browser are added to the answer. The parameters are the usual ones of an ASGI
+        Headers that restrict the browser are added to the answer. The parameters are the usual parameters of an ASGI
         application: the description of the request, the function that receives its messages and the function that sends
         the answer.
         """

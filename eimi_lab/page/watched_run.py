@@ -84,7 +84,8 @@ def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent)
     page : Descriptors or None
         Descriptors of the page that started the run; None for a run that a person started at a terminal.
     bench : Bench
-        The open instruments. For the page, the yielded bench has a supply that stores its current and heat.
+        The open instruments. For the page, the yielded bench has a supply that also stores its current and the heating
+        of the coil.
     rig : Rig
         The rig, for the rating of the coil.
     on_event : OnEvent

@@ -28,7 +28,7 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 def made(kind: str, **members: Any) -> Any:
     """Return a driver class of a kind (supply, camera or sensor) with all members of this kind.
 
-    members: members that replace the usual ones; the value None removes a member.
+    members: methods and attributes that replace the usual methods and attributes; the value None removes a member.
     """
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))

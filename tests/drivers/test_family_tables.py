@@ -288,7 +288,9 @@ def test_an_emulated_supply_accepts_levels_of_a_protection_up_to_its_highest(dri
 
 
 def test_the_types_of_messages_and_of_their_answers_are_those_of_hislip() -> None:
-    """IVI-6.1, table 4: Initialize 0, Data 6, DataEND 7, AsyncMaximumMessageSize 15, AsyncInitialize 17.
+    """The types of HiSLIP messages have the numbers of the standard IVI-6.1, table 4.
+
+    Initialize is 0, Data 6, DataEND 7, AsyncMaximumMessageSize 15, AsyncInitialize 17.
 
     The answer to each of the three requests has the next number.
     """

@@ -111,7 +111,7 @@ def full_camera(**changed: Node | None) -> Nodes:
 
 
 class Bench(SimpleNamespace):
-    """What the replacements keep: the features of the camera, the listed devices, and the calls."""
+    """The replacements for a camera and its packages: features of the camera, listed devices, and recorded calls."""
 
     nodes: Nodes
     devices: list[Any]

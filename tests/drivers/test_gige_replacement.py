@@ -33,7 +33,7 @@ PICTURE = np.arange(24, dtype=np.uint8).reshape(4, 6)
 
 
 class FakeAravis:
-    """A replacement of the library Aravis with one fake camera, which keeps the calls."""
+    """A replacement for the library Aravis with one emulated camera; it records the calls."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
@@ -295,7 +295,7 @@ def default_interrupt() -> Iterator[None]:
 
 @pytest.mark.usefixtures("default_interrupt")
 class TestServing:
-    """The function that runs in the process of an emulated camera."""
+    """The process of an emulated camera obeys the commands of its parent process, and reports its errors."""
 
     served: SimpleNamespace
 
@@ -345,7 +345,7 @@ class TestServing:
 
 
 class Shared:
-    """A shared library whose functions exist as soon as they are named, and keep what is set on them."""
+    """A replacement for a shared library: it has a function of every name, which does nothing."""
 
     def __init__(self, **functions: Callable[..., Any]) -> None:
         self.__dict__ |= {name: Function(function) for name, function in functions.items()}

@@ -29,7 +29,7 @@ def changed(name: str, *amplitudes: float, loads: Loads = LOADS) -> Loads:
 
 
 class SimpleExperiment:
-    """Stands for an experiment that has only loads."""
+    """A replacement for an experiment (beam model, loads and measurements) that has only loads."""
 
     def __init__(self, loads: Loads) -> None:
         self.loads = loads
@@ -44,7 +44,7 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the function `replace` of the module of possible causes change the two classes of this file too."""
+    """Let the function `replace`, which the tested module uses, also change objects of the two classes above."""
 
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):

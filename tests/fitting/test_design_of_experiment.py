@@ -1,4 +1,4 @@
-"""The chosen states of the next run are the best ones, and the interval of the next fit is as wide as predicted."""
+"""The states chosen for the next run give the narrowest interval, and this interval is as wide as predicted."""
 
 from __future__ import annotations
 

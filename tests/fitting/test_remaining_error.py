@@ -23,9 +23,10 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum and the effects of a correction in several passes.
+    """Return the optimum of a fit and the effects of a correction that is made in several passes.
 
-    optima: the optimum after each pass. The optimum before the first pass is 0.
+    Each pass computes the correction at the present optimum and then a new optimum. optima: the optimum after each
+    pass. The optimum before the first pass is 0.
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(

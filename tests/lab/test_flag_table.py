@@ -1,6 +1,6 @@
 """Every flag (warning about edges) has the right limits, severity below and above each limit, and added deviation.
 
-This file repeats the rows of the table of flags, so that a new check fails until its row is added here.
+This file repeats the rows of the table of flags. A test therefore fails for a new flag until its row is added here.
 `docs/why/edges.md` gives the sources of the limits.
 """
 

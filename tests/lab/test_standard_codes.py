@@ -71,7 +71,7 @@ def test_the_brands_of_heic_pictures(brand: bytes, words: str) -> None:
 
 
 def test_the_codes_of_windows() -> None:
-    """The numbers of Windows for a file in use (winerror.h), and for a console that closes, are the published ones.
+    """The error numbers of Windows for a file in use, and the event numbers for a closing console, are right.
 
     The errors are ERROR_ACCESS_DENIED, ERROR_SHARING_VIOLATION and ERROR_LOCK_VIOLATION.
     """

@@ -1,6 +1,6 @@
 """Compute errors of the solid element and of the solid beam model against independent solutions.
 
-The independent solutions are exact ones, plane strain, and the finite-element program FElupe.
+The independent solutions are exact solutions, the planar model in plane strain, and the finite-element program FElupe.
 """
 
 from __future__ import annotations
