@@ -1,4 +1,4 @@
-"""Select the terms of a law by means of datasets and tensile tests."""
+"""Select the terms of the strain energy of a material by means of datasets and tensile tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Select the terms of a law by cross-validation: by the error of the law on data that were not fitted.
+    """Select the terms of the strain energy by the error of a law on data to which it was not fitted (cross-validation).
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def discover(
     tensile_window : float or str
         Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves.
     term : str or sequence of str
-        Terms among which the program selects: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``, ``"fung=0.2"``,
-        ``"ogden=-4"`` and so on.
+        Terms of the strain energy among which the program selects: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``,
+        ``"fung=0.2"``, ``"ogden=-4"`` and so on.
     most_terms : int
         Largest number of terms in a law.
     lot : float

@@ -1,4 +1,4 @@
-"""From stored datasets to identified materials.
+"""Identify materials from stored datasets and from tensile tests.
 
 evidence             read from a dataset what a fit needs: beam model, loads, and measured edges or points
 measured_conditions  the measured field in place of the coil constant in the calibration file
@@ -11,7 +11,7 @@ options              the options of a fit
 fitting              check the options of a fit, and explain why a fit is refused
 fit_grid             fit several laws to several datasets, with several seeds and bootstrap replicates
 checkpoint           log all generations of a search, so that an interrupted search can be resumed
-discovering          discover the terms of a law
+discovering          discover the terms of the strain energy of a material
 law_record           the part of a result file that all fits have in common
 bootstrap_record     the part of a result file on bootstrap replicates
 residuals            distances of measured edge points from simulated edges, by state, edge and arc length

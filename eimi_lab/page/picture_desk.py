@@ -20,7 +20,7 @@ from eimi_lab.page.worker import Worker
 class PictureDesk:
     """The routes that show images to every tab of the browser, and write files only for the one tab in control.
 
-    A route is an address with the function that answers. Only the tab in control may change things.
+    A route is an address with the function that answers. The tab in control is the only tab that may change things.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:

@@ -23,8 +23,8 @@ from eimi_lab.process.errors import InputError
 class RunDesk:
     """The routes (addresses with the functions that answer) of the runs that the page starts, one run at a time.
 
-    The page is the live web page of `eimi dashboard`. Only the tab in control may start, pause and end a run. Every tab
-    can stop the run.
+    The page is the live web page of `eimi dashboard`. Only one tab, the tab in control, may start, pause and end a run.
+    Every tab can stop the run.
     """
 
     def __init__(self, folder: DataFolder, worker: Worker, tabs: Tabs) -> None:

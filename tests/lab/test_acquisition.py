@@ -1,4 +1,4 @@
-"""A run on an emulated supply in simulated time stores its data, and ends with the coil off however it ends."""
+"""A run on an emulated supply in simulated time stores its data, and ends with the coil off, also after an error."""
 
 from __future__ import annotations
 

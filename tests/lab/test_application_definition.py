@@ -1,4 +1,7 @@
-"""Datasets comply with the application definition NXsensor_scan of NeXus, which NOMAD and pynxtools check."""
+"""Datasets comply with NXsensor_scan, a set of rules of NeXus for the contents of a file.
+
+The programs NOMAD and pynxtools check these rules.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,9 @@ EDGES = EdgeSet(EdgePoints(POINTS, POINTS[:, 0] + 0.01), EdgePoints(POINTS, POIN
 
 
 def dates(path: Path) -> dict[str, Any]:
-    """Return the dates of a dataset by their paths, with the types that a validator gets.
+    """Return the dates in a dataset, by their paths, in the types in which a checking program reads them.
 
-    Text of variable length is str.
+    A text of variable length is read as str.
     """
     with h5py.File(path) as file:
         return {

@@ -22,7 +22,10 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 
 
 class Supply:
-    """Supply that takes `exchange_s` for each set-point; `meter` gives the current for a set-point and a time."""
+    """A replacement for a supply, which takes `exchange_s` (s) for each set-point.
+
+    The function `meter` returns the measured current for a set-point and a time.
+    """
 
     limits = Limits(2.0, 10.0)
     without_contact = "it stays on"

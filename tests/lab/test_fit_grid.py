@@ -1,4 +1,7 @@
-"""A grid of fits gives the same result with any number of worker processes, and after processes were killed."""
+"""A grid of fits (several laws and seeds) has the same result with any number of worker processes.
+
+This is also the case if processes are killed.
+"""
 
 from __future__ import annotations
 

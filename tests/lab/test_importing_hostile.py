@@ -354,7 +354,7 @@ def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: P
     def edges() -> np.ndarray:
         """Return the n edge points that a fit uses, (x, y) in mm, shape (n, 2).
 
-        A dataset without edges is segmented first.
+        If the dataset has no edges, the edges are found first.
         """
         load_evidence(out, flagged=True)
         with open_dataset(out) as dataset:

@@ -113,7 +113,7 @@ def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
     """A beam that moves suddenly at every third frame does not count as at rest.
 
-    The motion gives two quiet pairs of frames in a row, but never three.
+    Two successive pairs of frames show no motion, but never three.
     """
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
@@ -268,7 +268,10 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
 
 
 def test_a_signal_whose_error_was_dropped_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python drops an error that a signal raises in a destructor; `raise_if_asked` raises the error again."""
+    """A signal ends the run, also if Python drops the error that the signal raises in a destructor.
+
+    `raise_if_asked` raises the error again.
+    """
     clock = SimulatedClock()
     supply = Obstinate(0.5, clock)
 

@@ -61,7 +61,10 @@ def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
 
 
 def band_of_the_whole_picture(image: np.ndarray) -> np.ndarray:
-    """Return the pixels within 4 px of a quarter of the steepest gradient, computed in the whole picture at once."""
+    """Return a mask of the pixels near an edge of the picture, computed in the whole picture at once.
+
+    A pixel is near an edge if, within 4 px, the gradient is at least a quarter of the steepest gradient.
+    """
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
     steep = (steepness >= 0.25 * steepness.max()).astype(np.uint8)
