@@ -26,7 +26,7 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Select the terms of the strain energy by the error of a law on data to which it was not fitted (cross-validation).
+    """Select the terms of the strain energy by the errors of laws on data that were not fitted (cross-validation).
 
     Parameters
     ----------
