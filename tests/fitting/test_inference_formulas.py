@@ -426,7 +426,10 @@ def experiment(sigma_mm: float, states: int, noise_mm: float | None = None) -> A
 
 
 class Observed:
-    """Stands for an experiment of edges of a beam of 2 mm width; `dataclasses.replace` may change the observation."""
+    """A replacement for an experiment with the edges of a beam of 2 mm width.
+
+    `dataclasses.replace` can change its measured edges.
+    """
 
     def __init__(self, observed: EdgeObservation, model: Any) -> None:
         self.observed, self.model = observed, model

@@ -284,7 +284,7 @@ class SolidBeside:
 
         Newton's method begins at the planar shape plus ``predicted``. If Newton's method does not converge in a few
         steps, it begins again at the planar shape. The second attempt is needed for fields of both signs. The first two
-        solved states are then the outermost states, and a line through the depth effects of these states is a bad start
+        solved states are then the outermost states. A line through the differences in these two states is a bad start
         for the states between them.
         """
         batch, factor = chosen.take(np.arange(1))

@@ -83,7 +83,7 @@ class Signals:
 
 
 def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
-    """Return the signals of a recorded motion.
+    """Return the signals of a recorded motion: the coordinates of all visible points as functions of time.
 
     Parameters
     ----------

@@ -203,7 +203,11 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Return the optimum of a fit with simulations, residuals and slopes."""
+        """Simulate the optimum of a fit, and return it with its residuals and their derivatives (slopes).
+
+        A possible cause of the residuals may be an input that the fit has estimated. The derivatives by this input are
+        left out.
+        """
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])

@@ -367,7 +367,9 @@ class Unknowns:
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the factor on the field and the map to the picture of each dataset for P candidates.
+        """Return what the fitted uncertain inputs change in each dataset: the field and the picture, for P candidates.
+
+        A `Setup` contains a factor on the field and the map from the beam to the picture.
 
         The result is None if the fit determines no uncertain input (no nuisance is freed).
 
