@@ -86,7 +86,10 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The mean image of each state (load step) of a dataset, corrected by the stored dark frame and flat field."""
+    """The mean image of each state (load step) of a dataset.
+
+    The images are corrected by the stored dark frame (taken without light) and flat field (the bare back-light).
+    """
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""

@@ -1,4 +1,4 @@
-"""Store and read the edges that segmentation found in the frames of a dataset."""
+"""Store and read the edges of the beam that were found in the frames of a dataset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write the rig file for a program that measures on a served bench, and complete a rig that has no table [virtual].
+"""Write the rig file for a program that measures on a served bench, and add parameters of a simulation to a rig.
 
 A served bench is a simulated bench whose instruments other programs can reach over real protocols.
 """

@@ -84,7 +84,8 @@ class ServedBench:
     Parameters
     ----------
     rig : Rig
-        The rig. If it has no table [virtual], the table of the shipped virtual rig is used.
+        The rig. If it has no table [virtual] (the parameters of a simulation), the table of the shipped virtual rig is
+        used.
     specimen : SpecimenFile
         The specimen in the coil.
     path : Path

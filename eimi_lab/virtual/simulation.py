@@ -113,7 +113,7 @@ def keys_of(law: Law) -> list[str]:
 
 
 def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
-    """Return the hyperelastic law with the name `model`, and the values of its parameters from the option's texts.
+    """Return the hyperelastic law `model`, and the values of its parameters from the texts of the option `--parameter`.
 
     Parameters
     ----------

@@ -228,7 +228,8 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     Raises
     ------
     InputError
-        If the rig has no table [virtual], or if this table does not define the material of the specimen.
+        If the rig has no table [virtual] (the parameters of a simulation), or if this table does not define the
+        material of the specimen.
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
@@ -251,7 +252,7 @@ def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock
     Raises
     ------
     InputError
-        If the rig has no table [virtual].
+        If the rig has no table [virtual] (the parameters of a simulation).
     """
     supply, coil, clock = _virtual_coil(rig, _virtual(rig))
     return supply, true_field_mT(rig, coil), clock

@@ -14,7 +14,7 @@ class Severity(StrEnum):
     """The consequence of a flag (failed quality check) for the state (load step) that has the flag.
 
     UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, with a larger standard deviation of the points
-    of the edges. NOTE: the fit is not affected, but a person should read the remedy.
+    of the edges. NOTE: the fit is not affected, but a person should read the remedy (advice).
     """
 
     UNUSABLE = "unusable"
@@ -130,7 +130,7 @@ class Check:
         limit : float, optional
             Limit that the flag reports in place of the limit in the table.
         **words : str
-            For each word in braces in the remedy, the text that replaces this word.
+            For each word in braces in the remedy (advice), the text that replaces this word.
         """
         severity, second_limit = self.severity, self.unusable_beyond
         if second_limit is not None and (value < second_limit if self.below else value > second_limit):

@@ -250,7 +250,7 @@ class BackLitSearch:
         """Return the second pass with the edge points near a step of the beam's width marked as unsound.
 
         `second` is the result of the second pass over the edges. An unsound point is not used. The points near a step
-        of the width are biased, because a smooth curve cuts the corners of the step.
+        (abrupt change) of the width are biased, because a smooth curve cuts the corners of the step.
         """
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(

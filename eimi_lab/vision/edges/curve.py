@@ -92,7 +92,7 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Return the knots of a spline without the inner knots that would leave fewer than three points in an interval.
+    """Return the knots of a spline without some inner knots, so that every interval contains at least three points.
 
     `parameter` contains the parameter of the spline at each point, in increasing order.
     """

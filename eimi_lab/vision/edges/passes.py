@@ -135,7 +135,8 @@ class PassResult:
     def plateau(self, outward: float) -> Array:
         """Return the grey values inside or outside the beam, farther from the edge than the blur of the edge reaches.
 
-        Only profiles that gave an edge point are used.
+        The grey values were read along lines across the edge (profiles). Only profiles that gave an edge point are
+        used.
 
         Parameters
         ----------

@@ -170,7 +170,7 @@ def fit_steps(
     usable: NDArray[np.bool_] | None = None,
     cover: Cover | None = None,
 ) -> Steps:
-    """Fit a blurred step to each of n profiles, with one blur for all profiles.
+    """Fit a blurred step to each of n profiles (grey values along lines across an edge), with one common blur.
 
     The fitted function of the distance u along the normal is a step from the grey value `dark` to the grey value
     `bright` at the offset o, blurred by a Gaussian of standard deviation s:
@@ -254,8 +254,8 @@ def fit_steps(
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
     """Return initial values of the dark plateau, the bright plateau and the offset of n profiles, each of shape (n,).
 
-    The plateaus (the grey values beside the step) are mean grey values at the two ends of a profile. The offset follows
-    from the area under the profile.
+    A profile contains the grey values along a line across the edge. The plateaus (the grey values beside the step) are
+    mean grey values at the two ends of a profile. The offset follows from the area under the profile.
     """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
@@ -371,8 +371,9 @@ def _inverse(normal: Array) -> Array:
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
     """Return the least-squares values of the three unknowns of each of n profiles, shape (n, 3).
 
-    columns: derivatives of the m grey values with respect to the unknowns, shape (n, m, 3). inverse: inverses of the
-    normal matrices, shape (n, 3, 3). target: the grey values to be fitted, shape (n, m).
+    A profile contains the grey values along a line across the edge. columns: derivatives of the m grey values with
+    respect to the unknowns, shape (n, m, 3). inverse: inverses of the normal matrices, shape (n, 3, 3). target: the
+    grey values to be fitted, shape (n, m).
     """
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 

@@ -67,7 +67,7 @@ def band_shifts(
 ) -> tuple[Array, Array]:
     """Return, for each profile across the beam, the shift at which a band contrasts most with both of its sides.
 
-    A band is an interval of the profile that is as wide as the beam.
+    A profile contains the grey values along a line. A band is an interval of the profile that is as wide as the beam.
 
     Parameters
     ----------
