@@ -127,7 +127,10 @@ def _background(colour: Array, other: Array, rng: np.random.Generator, things: i
 
 
 def _shading(beam: BentBeam, frame: BeamFrame, rng: np.random.Generator) -> Array:
-    """Return the relative light on the beam, shape (height, width), which changes evenly by up to 10 % to each side."""
+    """Return the relative light on the beam, shape (height, width).
+
+    The light changes linearly in both directions of the picture, by up to 10 % from the middle to each side.
+    """
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     direction = rng.uniform(-0.1, 0.1, 2)
     return 1.0 + direction[0] * (x / SIZE[0] - 0.5) * 2.0 + direction[1] * (y / SIZE[1] - 0.5) * 2.0
