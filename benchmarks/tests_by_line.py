@@ -42,6 +42,7 @@ def record(tests: Sequence[str], add: bool = False, jobs: int = 2) -> int:
         settings.write_text(_SETTINGS, encoding="utf-8")
         options = [*(f"--cov={name}" for name in PACKAGES), f"--cov-config={settings}", "--cov-context=test"]
         options += ["--cov-report=", f"--junitxml={report}", "-o", "junit_family=xunit1", "-q", "-n", str(jobs)]
+        options += [] if jobs else ["--dist", "no"]  # otherwise coverage waits for the data of other processes
         command = [sys.executable, "-m", "pytest", *options, *tests]
         environment = {**os.environ, "COVERAGE_FILE": str(new)}
         status = subprocess.run(command, cwd=PROJECT, env=environment, check=False).returncode
@@ -156,7 +157,7 @@ def _files_with(word: str) -> list[str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--add", action="store_true", help="add the tests to the map of the unchanged code")
-    parser.add_argument("--jobs", type=int, default=2, help="number of processes that run tests")
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes that run tests; 0 for this process")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()
     sys.exit(record(given.tests, given.add, given.jobs))
