@@ -148,7 +148,6 @@ class _Recorded:
         """Set the current to zero, and take every frame until the time in the protocol has passed."""
         run, coil = self._run, self._run.coil
         run.camera.flush()
-        self.began_s = run.clock.now()
         if coil.simulated:  # with two threads on the simulated clock, runs could not be repeated exactly
             self.step = coil.step_to(0.0)
             self._take(lambda: run.clock.now() - coil.changed_s < self._rule.seconds, stop_if_asked)

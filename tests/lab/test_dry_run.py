@@ -7,12 +7,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from eimi_drivers.clock import SimulatedClock
 from eimi_drivers.emulators import DIALECTS
 from eimi_drivers.interfaces import InstrumentError
 from eimi_drivers.supplies import SUPPLIES
-from eimi_lab.acquisition.dry_run import dry_run
+from eimi_lab.acquisition.dry_run import _BeamAtRest, dry_run
 from eimi_lab.acquisition.heating import hottest
 from eimi_lab.config.interlock import Interlock
 from eimi_lab.config.protocol import Protocol
@@ -203,3 +205,20 @@ def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that
     shortest_s, longest_s = map(int, durations.groups())
     assert shortest_s > 3 * 2.0  # of the ring-downs
     assert longest_s - shortest_s == pytest.approx((10 + 4) * (5.0 - 0.02), abs=1.0)
+
+
+def test_the_camera_of_a_dry_run_shows_a_beam_at_rest_with_noise() -> None:
+    """The noise is larger than the rounding to whole grey levels, so that equal frames are no repetitions."""
+    clock = SimulatedClock()
+    camera = _BeamAtRest(clock)
+    began_s = clock.now()
+    frames = [camera.grab(1.0) for _ in range(30)]
+    assert [frame.number for frame in frames] == list(range(1, 31))
+    np.testing.assert_allclose([frame.timestamp_s for frame in frames], began_s + np.arange(1, 31) / 30)
+    images = np.array([frame.image for frame in frames], dtype=float)
+    assert images.shape[1:] == (32, 32)
+    # Cutting the decimals off lowers the mean by a half.
+    assert images[:, :, 12:20].mean() == pytest.approx(19.5, abs=0.1)
+    assert images[:, :, [11, 20]].mean() == pytest.approx(199.5, abs=0.1)
+    assert images.std(axis=0).mean() == pytest.approx(2.0, abs=0.1)
+    assert camera.identify().text == "no camera"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from pydantic import ValidationError
 
 from eimi_drivers.emulators.faults import Fault
 from eimi_drivers.interfaces import Frame, InstrumentError
+from eimi_lab.acquisition import ring_downs as ring_downs_module
+from eimi_lab.acquisition.coil import Coil
 from eimi_lab.acquisition.events import Event, RingDownStored
 from eimi_lab.config.protocol import Protocol
 from eimi_lab.config.toml import parse
@@ -230,3 +233,28 @@ def test_a_stream_reports_the_frames_that_it_could_not_write(tmp_path: Path) -> 
 
         with pytest.raises((OSError, RuntimeError, ValueError)):
             put_many()
+
+
+def test_a_ring_down_begins_when_the_current_is_reached_and_the_beam_is_at_rest(
+    setup: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def noting(owner: Any, name: str, note: Callable[..., str]) -> None:
+        original = getattr(owner, name)
+
+        def noted(*arguments: Any, **options: Any) -> Any:
+            done.append(note(*arguments))
+            return original(*arguments, **options)
+
+        monkeypatch.setattr(owner, name, noted)
+
+    add_to_protocol(setup, "ring_down = { seconds = 0.1, from_A = 0.2, repeats = 2 }")
+    noting(Coil, "ramp_to", lambda coil, current_A, *rest: f"ramp to {current_A:g} A")
+    noting(Coil, "wait_until_reached", lambda *rest: "reached")
+    noting(ring_downs_module, "wait_until_settled", lambda *rest: "at rest")
+    noting(Coil, "step_to", lambda coil, current_A: f"step to {current_A:g} A")
+    setup.run()
+    # The last wait belongs to the step, which measures the current until it is zero.
+    one = ["ramp to 0.2 A", "reached", "at rest", "step to 0 A", "reached"]
+    assert done[-10:] == one * 2
