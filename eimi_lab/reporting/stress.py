@@ -135,9 +135,9 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain in a mode of deformation that has the largest stretch in the data of a fit.
+    """Return the strain of a mode of deformation that corresponds to the largest stretch in the data of a fit.
 
-    The data include the tensile curves of the fit.
+    At this strain, the largest principal stretch equals the largest stretch in the data, including tensile curves.
     """
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))
