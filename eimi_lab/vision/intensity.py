@@ -155,7 +155,7 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
             total += pixels
         count += 1
     if total is None:
-        raise ValueError("a state needs at least one frame")
+        raise ValueError("a state (load step) needs at least one frame")
     total /= count
     return total
 
