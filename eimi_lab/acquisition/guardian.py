@@ -262,7 +262,7 @@ class Guardian:
 
 @contextmanager
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
-    """Start a guardian process for one run, and yield the connection to it.
+    """Start a guardian process, which switches the coil off if the run dies, and yield the connection to it.
 
     At the end of the context, a guardian that is armed (because the coil may be on) switches the coil off. A guardian
     that is not armed is ended.

@@ -68,7 +68,7 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """Yield the stages of a run in their order.
+    """Yield the stages of a run (load cycles, states, ring-downs) in their order, to predict the heat of the coil.
 
     Yields
     ------

@@ -7,7 +7,7 @@ they can be interrupted:
 - the camera, while it waits for its driver;
 - the writer of the dataset, while it stores a state (load step).
 
-The methods do nothing unless a run is inside `heeding`.
+A run enters the context `heeding`. Outside this context, the methods do nothing.
 """
 
 from __future__ import annotations

@@ -216,7 +216,7 @@ def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clo
 
 @contextmanager
 def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clock) -> Iterator[None]:
-    """Switch the supply off at the end of the trial, also after an error. Raises SwitchOffFailed."""
+    """Switch the supply off after the body of a with statement, also after an error. Raises SwitchOffFailed."""
     try:
         yield
     finally:

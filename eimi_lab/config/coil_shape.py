@@ -111,7 +111,7 @@ class CoilShapeTable(Table):
         elif self.map is not None:
             table = self._grid()
             if not table.covers(rest[None]):
-                raise ValueError(f"the map of the field does not cover the magnet at rest, x_mm = {rest[0]:g}, y_mm = 0")
+                raise ValueError(f"the field map does not cover the magnet at rest, x_mm = {rest[0]:g}, y_mm = 0")
         return CoilShape(axis, self.gradient_per_m or (0.0, 0.0), table)
 
 

@@ -51,7 +51,7 @@ class Lens:
         return undistorted(points_px, self.matrix, self.distortion)
 
     def stand_off_mm(self, view: View) -> float:
-        """Return the distance (mm) along the optical axis from the entrance pupil to the middle of a board.
+        """Return the distance (mm) along the optical axis from the entrance pupil to the middle of a calibration board.
 
         Parameters
         ----------

@@ -205,7 +205,7 @@ def _extended(
     parent : ndarray of int, shape (n,)
         Index of the strip that was extended.
     gain : ndarray, shape (n,)
-        Gain of the step: a measure of how clearly it shows both edges, less the costs of bends.
+        Gain of the step: a measure of how clearly the picture shows both edges in the step, less the costs of bends.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND

@@ -117,7 +117,7 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean and the covariance of the masked colours in a window around each of n stations.
+    """Return the mean and the covariance of the selected colours in a window around each of n stations.
 
     A station is a place along the beam, at which the picture is sampled at m points across the beam. For c channels,
     the mean has the shape (n, c) and the covariance the shape (n, c, c). colours: shape (n, m, c). mask: whether each

@@ -25,7 +25,7 @@ def fall_across(
 ) -> Array:
     """Return the fall (decrease) of the projected colour in the outward direction, at each point of the picture.
 
-    The picture was sampled along and across the beam. The projected colour is a weighted sum of its colours.
+    The picture was sampled along and across the beam. The projected colour is a weighted sum of the colours at a point.
 
     Parameters
     ----------
