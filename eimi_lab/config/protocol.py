@@ -88,7 +88,7 @@ class Currents(Table):
 
 
 class Ramp(Table):
-    """How the current changes between set-points, and how closely the measured current must agree with the set-point."""
+    """How the current changes between set-points, and how close the measured current must be to the set-point."""
 
     rate_A_per_s: float = Field(gt=0)
     """Rate of change of the current between states."""
