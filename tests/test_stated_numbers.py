@@ -19,7 +19,7 @@ import pytest
 PROJECT = Path(__file__).parents[1]
 
 DRIVERS: dict[str, dict[str, float]] = {
-    "cameras.aravis": {
+    "eimi_drivers.cameras.aravis": {
         "BUFFERS": 32,
         "ANSWER_WITHIN_S": 0.4,
         "CLOSE_WITHIN_S": 2.0,
@@ -27,15 +27,15 @@ DRIVERS: dict[str, dict[str, float]] = {
         "LOOK_EVERY_S": 0.05,
         "LARGEST_ID": 2**16 - 1,  # GigE Vision 1 counts in 16 bits
     },
-    "cameras.aravis_library": {"SUCCESS": 0},  # ARV_BUFFER_STATUS_SUCCESS
-    "cameras.aravis_settings": {
+    "eimi_drivers.cameras.aravis_library": {"SUCCESS": 0},  # ARV_BUFFER_STATUS_SUCCESS
+    "eimi_drivers.cameras.aravis_settings": {
         "_CONTINUOUS": 0,  # ARV_ACQUISITION_MODE_CONTINUOUS
         "_AUTO_OFF": 0,  # ARV_AUTO_OFF
         "_CHECK_RANGES": 1,  # ARV_RANGE_CHECK_POLICY_ENABLE
     },
-    "cameras.basler": {"USB_TICKS_PER_S": 1e9, "BUFFERS": 32},
-    "cameras.gentl": {"BUFFERS": 32, "SHORTEST_S": 0.001, "_IMAGE": 1},  # PAYLOAD_TYPE_IMAGE
-    "cameras.opencv": {
+    "eimi_drivers.cameras.basler": {"USB_TICKS_PER_S": 1e9, "BUFFERS": 32},
+    "eimi_drivers.cameras.gentl": {"BUFFERS": 32, "SHORTEST_S": 0.001, "_IMAGE": 1},  # PAYLOAD_TYPE_IMAGE
+    "eimi_drivers.cameras.opencv": {
         "CLOSE_WITHIN_S": 2.0,
         "BUFFERS": 32,
         "V4L2_EXPOSURES_PER_S": 1e4,  # units of 100 us
@@ -43,9 +43,9 @@ DRIVERS: dict[str, dict[str, float]] = {
         "WINDOWS_MANUAL_EXPOSURE": 0.25,
         "GREY_16": int.from_bytes(b"Y16 ", "little"),
     },
-    "cameras.settings": {"WITHIN": 0.02, "FRAMES_ON_THE_WAY": 2},
-    "cameras.timed": {"OPEN_WITHIN_S": 60.0, "ANSWER_WITHIN_S": 5.0, "GRACE_S": 0.5, "LOOK_EVERY_S": 0.1},
-    "emulators.aim_tti": {
+    "eimi_drivers.cameras.settings": {"WITHIN": 0.02, "FRAMES_ON_THE_WAY": 2},
+    "eimi_drivers.cameras.timed": {"OPEN_WITHIN_S": 60.0, "ANSWER_WITHIN_S": 5.0, "GRACE_S": 0.5, "LOOK_EVERY_S": 0.1},
+    "eimi_drivers.emulators.aim_tti": {
         "COMMAND_ERROR": 32,  # bits of the event status register (IEEE 488.2)
         "NUMBERED_ERROR": 16,
         "POWER_ON": 128,
@@ -53,8 +53,8 @@ DRIVERS: dict[str, dict[str, float]] = {
         "CONSTANT_CURRENT": 2,
         "LOCKED_OUT": 200,
     },
-    "emulators.coil_line": {"ANSWER_WITHIN_S": 30.0},
-    "emulators.faults": {
+    "eimi_drivers.emulators.coil_line": {"ANSWER_WITHIN_S": 30.0},
+    "eimi_drivers.emulators.faults": {
         "SLEEPS_FOR_S": 12.0,  # longer than a run and its guardian may stand still together
         "RESTARTS_WITHIN_S": 1.0,
         "SHORTED_A": 0.8,
@@ -62,8 +62,8 @@ DRIVERS: dict[str, dict[str, float]] = {
         "OFFSET_A": 0.015,  # below the current that counts as off
         "HUNTING_A": 0.2,
     },
-    "emulators.gige_camera": {"CONTROL_PORT": 3956},  # of GVCP
-    "emulators.gige_features": {  # registers of the fake camera of Aravis (arvfakecamera.h, arvgvcpprivate.h)
+    "eimi_drivers.emulators.gige_camera": {"CONTROL_PORT": 3956},  # of GVCP
+    "eimi_drivers.emulators.gige_features": {  # registers of the fake camera of Aravis (arvfakecamera.h, arvgvcpprivate.h)
         "SENSOR_HEIGHT": 0x118,
         "SENSOR_WIDTH": 0x11C,
         "WIDTH": 0x100,
@@ -83,8 +83,8 @@ DRIVERS: dict[str, dict[str, float]] = {
         "GAIN_AUTO": 0x114,
         "ROW_READOUT_US": 10,
     },
-    "emulators.gige_process": {"START_WITHIN_S": 120.0, "END_WITHIN_S": 5.0, "LOOK_EVERY_S": 0.1},
-    "emulators.hislip": {  # types of messages (IVI-6.1, table 4)
+    "eimi_drivers.emulators.gige_process": {"START_WITHIN_S": 120.0, "END_WITHIN_S": 5.0, "LOOK_EVERY_S": 0.1},
+    "eimi_drivers.emulators.hislip": {  # types of messages (IVI-6.1, table 4)
         "INITIALIZE": 0,
         "DATA": 6,
         "DATA_END": 7,
@@ -93,16 +93,21 @@ DRIVERS: dict[str, dict[str, float]] = {
         "VERSION_1_0": 0x0100,
         "LARGEST_MESSAGE": 2**20,
     },
-    "emulators.keithley": {"OVER_VOLTAGE": 1, "SHUT_DOWN": 2048},
-    "emulators.keysight_systems": {"PROTECTED": 2048},
-    "emulators.owon": {"STANDBY": 0, "CONSTANT_VOLTAGE": 1, "CONSTANT_CURRENT": 2, "FAILURE": 3},
-    "emulators.sensor_session": {"LOOK_EVERY_S": 0.05, "NOISE_MT": 0.005},
-    "emulators.serial_port": {"PLUGGED_IN_AFTER_S": 0.3},
-    "emulators.session": {"LOOK_EVERY_S": 0.05, "LEAST_CHANGE_A": 0.02, "OPEN_OHM": 1e9, "AWAY_FOR_S": 1.0},
-    "emulators.supply": {"COPPER_PER_K": 0.00393, "HUNTING_HZ": 0.7, "LEAST_A": 1e-12},  # IEC 60028
-    "lan_instruments": {"SEARCH_S": 2.5},
-    "sensors.base": {"LATE_ANSWER_S": 0.5, "LONGEST_LINE": 256},
-    "sensors.coil_thermometer": {
+    "eimi_drivers.emulators.keithley": {"OVER_VOLTAGE": 1, "SHUT_DOWN": 2048},
+    "eimi_drivers.emulators.keysight_systems": {"PROTECTED": 2048},
+    "eimi_drivers.emulators.owon": {"STANDBY": 0, "CONSTANT_VOLTAGE": 1, "CONSTANT_CURRENT": 2, "FAILURE": 3},
+    "eimi_drivers.emulators.sensor_session": {"LOOK_EVERY_S": 0.05, "NOISE_MT": 0.005},
+    "eimi_drivers.emulators.serial_port": {"PLUGGED_IN_AFTER_S": 0.3},
+    "eimi_drivers.emulators.session": {
+        "LOOK_EVERY_S": 0.05,
+        "LEAST_CHANGE_A": 0.02,
+        "OPEN_OHM": 1e9,
+        "AWAY_FOR_S": 1.0,
+    },
+    "eimi_drivers.emulators.supply": {"COPPER_PER_K": 0.00393, "HUNTING_HZ": 0.7, "LEAST_A": 1e-12},  # IEC 60028
+    "eimi_drivers.lan_instruments": {"SEARCH_S": 2.5},
+    "eimi_drivers.sensors.base": {"LATE_ANSWER_S": 0.5, "LONGEST_LINE": 256},
+    "eimi_drivers.sensors.coil_thermometer": {
         "COPPER_PER_K": 0.00393,  # at 20 degC (IEC 60028)
         "COEFFICIENT_AT_DEGC": 20.0,
         "STEP_V": 0.01,
@@ -111,36 +116,49 @@ DRIVERS: dict[str, dict[str, float]] = {
         "BETWEEN_READINGS_S": 0.2,
         "LEAST_SHARE": 0.2,
     },
-    "sensors.text_line": {"STARTS_WITHIN_S": 3},
-    "supplies.aim_tti": {"LONGEST_LINE": 256, "LAST_HARDWARE_ERROR": 99, "NUMBERED_ERROR": 16},
-    "supplies.base": {"READ_BACK_WITHIN_S": 0.6},
-    "supplies.conversation": {"REPLY_TIMEOUT_S": 1.0, "LATE_ANSWER_S": 1.0},
-    "supplies.genesys": {"LONGEST_LINE": 128, "BLIND_GAP_S": 0.05, "READ_BACK_OF_RATING": 0.003},
-    "supplies.kepco": {"READS_ZERO_WITHIN_A": 0.05},
-    "supplies.korad": {"MESSAGE_GAP_S": 0.08, "OUTPUT_BIT": 0x40, "PROTECTION_BITS": 0xA0, "_VALUE_BYTES": 5},
-    "supplies.off": {
+    "eimi_drivers.sensors.text_line": {"STARTS_WITHIN_S": 3},
+    "eimi_drivers.supplies.aim_tti": {"LONGEST_LINE": 256, "LAST_HARDWARE_ERROR": 99, "NUMBERED_ERROR": 16},
+    "eimi_drivers.supplies.base": {"READ_BACK_WITHIN_S": 0.6},
+    "eimi_drivers.supplies.conversation": {"REPLY_TIMEOUT_S": 1.0, "LATE_ANSWER_S": 1.0},
+    "eimi_drivers.supplies.genesys": {"LONGEST_LINE": 128, "BLIND_GAP_S": 0.05, "READ_BACK_OF_RATING": 0.003},
+    "eimi_drivers.supplies.kepco": {"READS_ZERO_WITHIN_A": 0.05},
+    "eimi_drivers.supplies.korad": {
+        "MESSAGE_GAP_S": 0.08,
+        "OUTPUT_BIT": 0x40,
+        "PROTECTION_BITS": 0xA0,
+        "_VALUE_BYTES": 5,
+    },
+    "eimi_drivers.supplies.off": {
         "LEAST_OFF_A": 0.02,  # the zero of the meter of a healthy supply
         "DECAYS_WITHIN_S": 2.0,
         "MEASURE_EVERY_S": 0.05,
         "MEASURING_ATTEMPTS": 2,
     },
-    "supplies.owon": {"FIELDS": 7, "MOST_REFUSALS": 3},
-    "supplies.protections": {"PROTECTION_MARGIN": 1.1},
-    "supplies.scpi": {"LONGEST_LINE": 4096, "LONGEST_ERROR_QUEUE": 50},
-    "supplies.transport": {"WRITE_TIMEOUT_S": 2.0, "POLL_EVERY_S": 0.002},
-    "supplies.values": {"_NOT_A_MEASUREMENT": 1e30},  # 9.9E37 is infinity, 9.91E37 not a number (SCPI-99, 7.2.1)
-    "supplies.visa": {"OPEN_TIMEOUT_S": 3.0},
-    "supplies.xln": {"OUTPUT_BIT": 0x04, "ARMED_BITS": 0xC0, "STATUS_DIGITS": 6},
-    "testing.camera_checks": {"FRAME_WITHIN_S": 10.0, "SHORT_S": 0.2, "ENDS_WITHIN_S": 30.0, "FRAMES": 3, "STORED": 8},
-    "testing.claims": {"LONGEST": 60},
-    "testing.sensor_checks": {"PATIENCE_S": 60.0, "CALL_WITHIN_S": 2.0},
-    "testing.supply_bench": {
+    "eimi_drivers.supplies.owon": {"FIELDS": 7, "MOST_REFUSALS": 3},
+    "eimi_drivers.supplies.protections": {"PROTECTION_MARGIN": 1.1},
+    "eimi_drivers.supplies.scpi": {"LONGEST_LINE": 4096, "LONGEST_ERROR_QUEUE": 50},
+    "eimi_drivers.supplies.transport": {"WRITE_TIMEOUT_S": 2.0, "POLL_EVERY_S": 0.002},
+    "eimi_drivers.supplies.values": {
+        "_NOT_A_MEASUREMENT": 1e30
+    },  # 9.9E37 is infinity, 9.91E37 not a number (SCPI-99, 7.2.1)
+    "eimi_drivers.supplies.visa": {"OPEN_TIMEOUT_S": 3.0},
+    "eimi_drivers.supplies.xln": {"OUTPUT_BIT": 0x04, "ARMED_BITS": 0xC0, "STATUS_DIGITS": 6},
+    "eimi_drivers.testing.camera_checks": {
+        "FRAME_WITHIN_S": 10.0,
+        "SHORT_S": 0.2,
+        "ENDS_WITHIN_S": 30.0,
+        "FRAMES": 3,
+        "STORED": 8,
+    },
+    "eimi_drivers.testing.claims": {"LONGEST": 60},
+    "eimi_drivers.testing.sensor_checks": {"PATIENCE_S": 60.0, "CALL_WITHIN_S": 2.0},
+    "eimi_drivers.testing.supply_bench": {
         "RESISTANCE_OHM": 4.0,
         "TIME_CONSTANT_S": 0.01,
         "SETTLED_AFTER_S": 0.2,  # 20 time constants
         "PATIENCE_S": 60.0,
     },
-    "testing.supply_checks": {
+    "eimi_drivers.testing.supply_checks": {
         "CURRENT_WITHIN_A": 0.01,
         "VOLTAGE_WITHIN_V": 0.05,
         "LATE_S": 1.3,  # later than a driver waits for an answer
@@ -148,7 +166,7 @@ DRIVERS: dict[str, dict[str, float]] = {
 }
 
 ACQUISITION: dict[str, dict[str, float]] = {
-    "coil": {
+    "eimi_lab.acquisition.coil": {
         "REACHED_WITHIN_S": 3.0,
         "POLL_S": 0.1,
         "SIMULATED_CHECK_EVERY_S": 2.0,
@@ -158,8 +176,8 @@ ACQUISITION: dict[str, dict[str, float]] = {
         "EXCHANGES_REMEMBERED": 3,
         "MEASURED_AGAIN_AFTER_S": 0.2,
     },
-    "coil_calibration": {"SETTLED_AFTER_S": 0.5, "BETWEEN_READINGS_S": 0.1, "READINGS": 5},
-    "dry_run": {
+    "eimi_lab.acquisition.coil_calibration": {"SETTLED_AFTER_S": 0.5, "BETWEEN_READINGS_S": 0.1, "READINGS": 5},
+    "eimi_lab.acquisition.dry_run": {
         "FIRST_STATES": 6,
         "LAST_STATES": 2,
         "FRAME_S": 1 / 30,
@@ -167,9 +185,9 @@ ACQUISITION: dict[str, dict[str, float]] = {
         "GENESYS_V": 30.0,
         "RESISTANCE_OHM": 0.01,
     },
-    "event_lines": {"LAST_LINES_S": 1.0},
-    "event_words": {"VISIBLE_MOTION_PX": 0.2},
-    "guardian": {
+    "eimi_lab.acquisition.event_lines": {"LAST_LINES_S": 1.0},
+    "eimi_lab.acquisition.event_words": {"VISIBLE_MOTION_PX": 0.2},
+    "eimi_lab.acquisition.guardian": {
         "READY_WITHIN_S": 120.0,
         "STILL_FOR_S": 5.0,
         "SILENT_FOR_S": 1.5,
@@ -177,7 +195,7 @@ ACQUISITION: dict[str, dict[str, float]] = {
         "LONGEST_GAP_S": 10.0,
         "TAKING_OVER_WITHIN_S": 10.0,
     },
-    "guardian_process": {
+    "eimi_lab.acquisition.guardian_process": {
         "TRY_FOR_S": 3600.0,
         "TRY_AGAIN_AFTER_S": 0.1,
         "TRY_AGAIN_LATER_S": 1.0,
@@ -186,22 +204,32 @@ ACQUISITION: dict[str, dict[str, float]] = {
         "FROM_RUN": 0,  # standard input and standard output
         "TO_RUN": 1,
     },
-    "heating": {"FRAME_WITHIN_S": 0.5, "STORED_WITHIN_S": 0.1},
-    "pausing": {"LOOK_EVERY_S": 0.1},
-    "playback": {"HELD_FRAME_S": 1 / 30, "NOISE_FRAMES": 8},
-    "ring_downs": {"_LOOK_EVERY_S": 0.1, "_EARLY_S": 0.5, "_SAME_PACE": 0.02, "_WAITED_S": 1.0},
-    "sensing": {"TRIED_AGAIN_AFTER_S": 2.0},
-    "settling": {"GRAB_TIMEOUT_S": 5.0},
-    "supply_trial": {"VOLTAGE_V": 1.0, "CURRENT_A": 0.1, "ON_FOR_S": 4.0, "VOLTAGE_WITHIN_V": 0.1, "READINGS": 10},
-    "switching_off": {"OFF_WITHIN_S": 30.0, "DOUBTED_AFTER_S": 0.5},
-    "transients": {"SHORTEST_S": 0.001},
+    "eimi_lab.acquisition.heating": {"FRAME_WITHIN_S": 0.5, "STORED_WITHIN_S": 0.1},
+    "eimi_lab.acquisition.pausing": {"LOOK_EVERY_S": 0.1},
+    "eimi_lab.acquisition.playback": {"HELD_FRAME_S": 1 / 30, "NOISE_FRAMES": 8},
+    "eimi_lab.acquisition.ring_downs": {"_LOOK_EVERY_S": 0.1, "_EARLY_S": 0.5, "_SAME_PACE": 0.02, "_WAITED_S": 1.0},
+    "eimi_lab.acquisition.sensing": {"TRIED_AGAIN_AFTER_S": 2.0},
+    "eimi_lab.acquisition.settling": {"GRAB_TIMEOUT_S": 5.0},
+    "eimi_lab.acquisition.supply_trial": {
+        "VOLTAGE_V": 1.0,
+        "CURRENT_A": 0.1,
+        "ON_FOR_S": 4.0,
+        "VOLTAGE_WITHIN_V": 0.1,
+        "READINGS": 10,
+    },
+    "eimi_lab.acquisition.switching_off": {"OFF_WITHIN_S": 30.0, "DOUBTED_AFTER_S": 0.5},
+    "eimi_lab.acquisition.transients": {"SHORTEST_S": 0.001},
 }
 
 INTERVAL: dict[str, dict[str, float]] = {
-    "considered": {"_TOLERANCE_MM": 0.001, "_FARTHEST": 2.0},
-    "draws": {"_DRAWN": 4000, "_KEPT": 400, "_DIGITS": 7},
-    "estimate": {"_APPARENT_COMPRESSIBILITY": 10.0, "_AT_BOUND": 0.001, "_SLOPE_STEP": 0.0001},
-    "identifiability": {
+    "eimi_fitting.inference.interval.considered": {"_TOLERANCE_MM": 0.001, "_FARTHEST": 2.0},
+    "eimi_fitting.inference.interval.draws": {"_DRAWN": 4000, "_KEPT": 400, "_DIGITS": 7},
+    "eimi_fitting.inference.interval.estimate": {
+        "_APPARENT_COMPRESSIBILITY": 10.0,
+        "_AT_BOUND": 0.001,
+        "_SLOPE_STEP": 0.0001,
+    },
+    "eimi_fitting.inference.interval.identifiability": {
         "NOT_FIXED": 0.5,
         "_ROUGH": 0.25,
         "_OF_RANGE": 2 * 1.96 / math.sqrt(12.0),  # 95 % interval of a uniform distribution, over its range
@@ -209,8 +237,8 @@ INTERVAL: dict[str, dict[str, float]] = {
         "_NAMED": 0.1,
         "_CORRELATED": 0.9,
     },
-    "noise": {"_ROUNDS": 12, "_SAME": 0.01, "_PASSES": 3},
-    "profile_likelihood": {
+    "eimi_fitting.inference.interval.noise": {"_ROUNDS": 12, "_SAME": 0.01, "_PASSES": 3},
+    "eimi_fitting.inference.interval.profile_likelihood": {
         "_AGREES": 0.2,
         "_CONVERGED": 0.03,
         "_NEAR": 0.1,
@@ -332,11 +360,12 @@ eimi_lab.acquisition.settling wait_until_settled not_before_s 0.0
 
 
 def modules(package: str) -> Iterator[tuple[str, ast.Module]]:
-    """Yield the name of each module of a package below the package, and its syntax tree."""
+    """Yield the full name of each module of a package, and its syntax tree."""
     folder = PROJECT / PACKAGES[package][0]
     for path in sorted(folder.rglob("*.py")):
         if path.stem not in ("__init__", "__main__"):
-            yield ".".join(path.relative_to(folder).with_suffix("").parts), ast.parse(path.read_text(encoding="utf-8"))
+            name = ".".join((package, *path.relative_to(folder).with_suffix("").parts))
+            yield name, ast.parse(path.read_text(encoding="utf-8"))
 
 
 def is_number(value: Any) -> bool:
@@ -351,7 +380,7 @@ def test_every_number_with_a_name_is_the_stated_one(package: str) -> None:
         assigned = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
         targets = [t for node in assigned for t in (node.targets if isinstance(node, ast.Assign) else [node.target])]
         names = [part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name)]
-        module = importlib.import_module(f"{package}.{name}") if names else None
+        module = importlib.import_module(name) if names else None
         numbers = {each: vars(module)[each] for each in names if is_number(vars(module).get(each))}
         if numbers:
             found[name] = numbers
@@ -383,7 +412,7 @@ def defaults() -> Iterator[str]:
                     pairs = [(ast.unparse(n.target), n.value) for n in node.body if isinstance(n, ast.AnnAssign)]
                 for parameter, default in pairs:
                     if isinstance(default, ast.Constant) and (is_number(default.value) or type(default.value) is bool):
-                        yield f"{package}.{name} {node.name} {parameter} {default.value}"  # type: ignore[attr-defined]
+                        yield f"{name} {node.name} {parameter} {default.value}"  # type: ignore[attr-defined]
 
 
 def test_every_default_number_is_the_stated_one() -> None:
