@@ -63,7 +63,7 @@ DRIVERS: dict[str, dict[str, float]] = {
         "HUNTING_A": 0.2,
     },
     "eimi_drivers.emulators.gige_camera": {"CONTROL_PORT": 3956},  # of GVCP
-    "eimi_drivers.emulators.gige_features": {  # registers of the fake camera of Aravis (arvfakecamera.h, arvgvcpprivate.h)
+    "eimi_drivers.emulators.gige_features": {  # registers (arvfakecamera.h and arvgvcpprivate.h of Aravis)
         "SENSOR_HEIGHT": 0x118,
         "SENSOR_WIDTH": 0x11C,
         "WIDTH": 0x100,
