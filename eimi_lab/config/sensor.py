@@ -84,8 +84,8 @@ class RigSensor(Table):
             raise ValueError(f"name = {self.name!r} is the name of a reading of the supply; choose another name")
         if self.at_magnet == 0 or (self.at_magnet != 1 and self.measures != "field"):
             raise ValueError(
-                f"at_magnet = {self.at_magnet:g} should be the ratio of two fields, other than 0, and is only for "
-                'measures = "field"'
+                f"at_magnet = {self.at_magnet:g} should be the field at the magnet divided by the field at the probe, "
+                'other than 0, and is only for measures = "field"'
             )
         keys = (self.at_rest_degC, self.at_rest_A)
         if self.is_coil and (None in keys or self.address != SUPPLY or self.measures != "coil_temperature"):
@@ -128,7 +128,7 @@ def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
         if sensor.is_coil:
             continue
         if simulated != (sensor.address == EMULATED):
-            should = f'"{EMULATED}", because this rig is simulated' if simulated else "that of an instrument"
+            should = f'"{EMULATED}", because this rig is simulated' if simulated else "the address of an instrument"
             raise ValueError(f"{place}.address = {sensor.address!r} should be {should}")
         if simulated and (sensor.driver not in SENSOR_DIALECTS or sensor.measures == "other"):
             raise ValueError(

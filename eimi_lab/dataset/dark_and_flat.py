@@ -76,8 +76,8 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
         dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
         if dark > BRIGHTEST_DARK * lit:
             raise InputError(
-                f"--dark: has {dark:g} counts (median) where the frames' back-light has {lit:g}; take the dark frame "
-                "with the light off or the lens covered"
+                f"--dark: the image has a median of {dark:g} counts, but the back-light in the frames has {lit:g} "
+                "counts; take the dark frame with the light off or the lens covered"
             )
 
 

@@ -141,9 +141,9 @@ def test_a_thermometer_cannot_measure_a_field(setup: Any) -> None:
             HALL + "\n" + HALL.replace('"hall"', '"other"'),
             'measures = "field": the sensor hall already measures this quantity',
         ),
-        (HALL.replace("/dev/ttyHALL", "virtual"), "address = 'virtual' should be that of an instrument"),
+        (HALL.replace("/dev/ttyHALL", "virtual"), "address = 'virtual' should be the address of an instrument"),
         (HALL.replace('"hall"', '"coil_current_A"'), "sensors.0.name"),
-        (ROOM + "\nat_magnet = 2.0", "at_magnet = 2 should be the ratio of two fields"),
+        (ROOM + "\nat_magnet = 2.0", "at_magnet = 2 should be the field at the magnet divided by the field at "),
         ('[[interlocks]]\nreading = "hal"\nmaximum = 1.0\n' + HALL, "'hal' is not a reading; .*did you mean 'hall'"),
     ],
 )
