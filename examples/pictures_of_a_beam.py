@@ -69,7 +69,7 @@ def write(path: Path, image: np.ndarray, in_perspective: bool) -> None:
         exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = round(
             STAND_OFF_MM * PIXELS_PER_MM * 43.27 / np.hypot(*SIZE)
         )
-    Image.fromarray(image[..., ::-1]).save(path, exif=exif)
+    Image.fromarray(image[..., ::-1]).save(path, exif=exif, compress_level=1)  # the noise hardly compresses
 
 
 def main(folder: Path, weights: bool) -> None:
