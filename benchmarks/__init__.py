@@ -16,6 +16,7 @@ usual_imperfections  the share of 95 % intervals that contain the truth if each 
 mesh_convergence    the error of the tip's position for several meshes
 edges               the error of the edges that are found in rendered frames
 real_pictures       edges found in other people's photographs, compared with traced edges
+perturbed_pictures  the same in photographs that were scaled, brightened, blurred or compressed
 photographs         the error of the edges in rendered photographs of coloured beams
 published_strips    fits of two bodies of one silicone that other authors filmed
 phone               fits of rendered photographs as a phone takes them: a beam with weights

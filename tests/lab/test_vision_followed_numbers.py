@@ -11,9 +11,14 @@ from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.region import region_of
 from eimi_lab.vision.flags import judge
+from eimi_lab.vision.following import follow as follow_module
+from eimi_lab.vision.following.colour_seams import find_colour_seams
 from eimi_lab.vision.following.edge_points import estimate_scatter
 from eimi_lab.vision.following.in_picture import in_255
 from eimi_lab.vision.following.stated import StatedBeam
+from eimi_lab.vision.following.stated_width import prefer_stated_width
+from eimi_lab.vision.following.support import find_sides
+from eimi_lab.vision.following.unrolled import UnrolledPicture
 from eimi_lab.vision.following.working import working_picture
 from eimi_lab.vision.projection import Projection, choose_projection
 from tests.shared.photographs import CALIBRATION, SPECIMEN, photograph
@@ -77,6 +82,107 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
         middle = np.array([(light * columns).sum(), (light * rows).sum()])
         assert working.to_picture(middle) == pytest.approx([211.0, 143.0], abs=0.1)
         assert working.from_picture(np.array([211.0, 143.0])) == pytest.approx(middle, abs=0.1 * working.factor)
+
+
+def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
+    """Return a picture that was sampled along a beam of 24 px width and across it, 1/12 and 1/24 of a width apart.
+
+    colours: grey values without noise, shape (n, 53), for n places along the beam and 53 places across it. turn_rad: by
+    how much the beam turns in a width, rad.
+    """
+    stations = len(colours)
+    along = np.arange(stations) / 12.0
+    angle = turn_rad * along
+    middle = 24.0 / 12.0 * np.cumsum(np.column_stack([np.cos(angle), np.sin(angle)]), axis=0)
+    noise = np.random.default_rng(1).normal(0.0, 2.0, colours.shape)
+    return UnrolledPicture(
+        colours=(colours + noise).astype(np.float32)[..., None],
+        across=np.arange(-26, 27) / 24.0,
+        along=along,
+        middle=middle,
+        aside=24.0 * np.column_stack([-np.sin(angle), np.cos(angle)]),
+        width=np.ones(stations),
+        inside=np.ones(colours.shape, dtype=bool),
+    )
+
+
+def bright_beam(stations: int) -> Array:
+    """Return the grey values of a beam, shape (stations, 53), at places along the beam and across it."""
+    return np.tile(np.where(np.abs(np.arange(-26, 27)) < 12, 200.0, 50.0), (stations, 1))
+
+
+def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The runs of an edge are joined over the gaps, and the direction of the edge is measured once for each run."""
+    measured_directions = []
+
+    def svd(*arguments: object, **options: object) -> object:
+        measured_directions.append(arguments)
+        return decompose(*arguments, **options)
+
+    decompose = np.linalg.svd
+    monkeypatch.setattr(np.linalg, "svd", svd)
+    colours = bright_beam(16 * 40 + 10)
+    colours[np.arange(len(colours)) % 16 >= 10, :20] = 50.0  # 40 notches in the left edge
+    sides = find_sides(sampled(colours), 2.0, 54.0)
+    runs = int((np.diff(sides.sound[0].astype(int)) > 0).sum())
+    assert runs >= 35
+    assert len(measured_directions) <= 2 * 41
+    left = sides.edge[0][sides.sound[0]]
+    assert np.abs(left + 0.5).max() < 0.1
+
+
+def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_edge_is_sure() -> None:
+    """A stain of the background's colour hides the left edge of a strongly bent beam over two widths.
+
+    The straight continuation of the left edge does not lead to the part behind the stain, but the other edge does. An
+    edge behind the stain that belongs to a wider body is not the same edge.
+    """
+    stained = bright_beam(120)
+    stained[48:72, :21] = 50.0
+    wider = stained.copy()
+    wider[72:, 8:14] = 200.0
+    for colours, turn_rad, behind in ((stained, 0.35, True), (stained, -0.35, True), (wider, 0.35, False)):
+        sides = find_sides(sampled(colours, turn_rad), 2.0, 10.0)
+        assert sides.sound[1][:100].all()
+        assert not sides.sound[0][52:68].any()
+        assert sides.sound[0][6:44].all()
+        assert bool(sides.sound[0][80:112].all()) is behind
+
+
+@pytest.mark.parametrize(("region", "moved"), [(130.0, True), (230.0, False)])
+def test_the_stated_width_tells_an_edge_from_the_border_of_a_shadow_in_grey(region: float, moved: bool) -> None:
+    """A dark beam lies beside a dark region (a shadow) or a bright region, whose border was taken for its edge.
+
+    The border makes the beam 1.38 times as wide as stated. A bright region is not a shadow.
+    """
+    colours = 250.0 - bright_beam(120)
+    colours[:, 38:47] = region
+    unrolled = sampled(colours)
+    border = np.outer([-0.5, 0.88], np.ones(120))
+    seams = find_colour_seams(unrolled, border, 2.0, (0.1,))
+    assert np.median(seams.edge[1]) == pytest.approx(0.86, abs=0.04)
+    found = prefer_stated_width(unrolled, seams, 2.0, 120)
+    assert np.median(found.edge[1]) == pytest.approx(0.48 if moved else 0.86, abs=0.04)
+    assert np.median(found.shadow[1]) == pytest.approx(0.38 if moved else 0.0, abs=0.04)
+    assert np.median(found.edge[0]) == pytest.approx(-0.48, abs=0.04)
+
+
+def test_a_picture_of_a_narrow_beam_is_not_enlarged_to_find_its_edges(monkeypatch: pytest.MonkeyPatch) -> None:
+    factors = []
+
+    def working(*arguments: object) -> object:
+        result = working_picture(*arguments)
+        factors.append(result.factor)
+        return result
+
+    monkeypatch.setattr(follow_module, "working_picture", working)
+    for width_mm, fine in ((3.0, 24.0 / 42.0), (1.0, 1.0)):
+        thin = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update={"width_mm": width_mm})})
+        image = np.full((720, 960), 200.0, np.float32)
+        image[91:511, round(480 - 7 * width_mm) : round(480 + 7 * width_mm)] = 60.0
+        followed = follow_beam(cv2.GaussianBlur(image, (0, 0), 1.0).astype(np.uint8), CALIBRATION, thin)
+        assert followed.edges is not None
+        assert factors[-1] == pytest.approx(fine)
 
 
 def test_blur_moves_neither_edge_of_a_bent_beam() -> None:

@@ -323,6 +323,27 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
     assert line.free_px[halfway] > 13.0  # between clicks the line is less certain
 
 
+def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
+    """Two clicks that lie 8 px on either side of a straight beam do not exclude the beam.
+
+    The clicks are far from the clamp and 40 px apart. A strip along the true beam has no cost.
+    """
+    line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
+    assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
+    assert line.length_px == pytest.approx(1040.0, rel=0.02)
+
+
+def test_a_clicked_line_follows_a_strongly_bent_beam():
+    """The line passes within 10 px of three clicks on a half circle of 300 px radius."""
+    angle = np.radians([60.0, 120.0, 180.0])
+    clicks = 300.0 * np.column_stack([1.0 - np.cos(angle), np.sin(angle)])
+    line = clicked_line(np.zeros(2), np.array([0.0, 1.0]), clicks)
+    apart = np.linalg.norm(line.points[:, None] - clicks, axis=2).min(axis=0)
+    assert apart.max() < 10.0
+    off_circle = np.abs(np.linalg.norm(line.points - np.array([300.0, 0.0]), axis=1) - 300.0)
+    assert (off_circle < line.free_px).all()
+
+
 def test_a_beam_is_followed_to_the_last_click_behind_a_body_that_hides_it(files):
     """A partly hidden beam is followed up to the last click of the user, beyond the body that hides it.
 
@@ -393,6 +414,29 @@ def test_an_edge_continues_beyond_a_reflection_near_the_clamp():
     changes = {"clamp_midpoint_px": (x - 1.0, y - 3.1), "axis_angle_deg": picture.calibration.axis_angle_deg - 2.4}
     size = {"width_mm": 0.965 * beam.width_mm, "length_mm": 0.963 * beam.length_mm}
     calibration = picture.calibration.model_copy(update=changes)
+    specimen = picture.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
+    edges = picture.edges((calibration, specimen))
+    assert Severity.UNUSABLE not in severities(edges)
+    assert picture.score(edges, calibration).good
+
+
+WRONGLY_STATED = {
+    "actuator_bent": ((1099.4, 1019.3), -90.8, 0.953, 0.952),  # a stain hides a part of one edge of the bend
+    "cable_blue_tiles": ((152.7, 10.8), 84.9, 1.060, 0.994),  # a joint of the tiles lies beside the clamp
+    "fabric_test": ((17.1, 134.1), 12.7, 1.060, 0.984),  # the silhouette of a grey picture is unusable
+    "silicone_up": ((138.2, 309.4), -90.2, 1.048, 1.029),  # the border of the shadow is clearer than the edge
+}
+"""Clamp (px), axis (degrees), and the factors of width and length that a user may state."""
+
+
+@pictures_at_hand
+@pytest.mark.parametrize("name", WRONGLY_STATED)
+def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexact(name):
+    picture = next(picture for picture in DEVELOPMENT if picture.name == name)
+    clamp, axis_deg, wide, long = WRONGLY_STATED[name]
+    beam = picture.specimen.specimen
+    size = {"width_mm": wide * beam.width_mm, "length_mm": long * beam.length_mm}
+    calibration = picture.calibration.model_copy(update={"clamp_midpoint_px": clamp, "axis_angle_deg": axis_deg})
     specimen = picture.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
     edges = picture.edges((calibration, specimen))
     assert Severity.UNUSABLE not in severities(edges)

@@ -22,6 +22,7 @@ from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.calibration import Picture as CalibrationPicture
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.vision.beam_frame import BeamFrame
+from eimi_lab.vision.check import Severity
 from eimi_lab.vision.edges.edge_set import EdgeSet
 from eimi_lab.vision.edges.finding import find_edges
 
@@ -34,13 +35,16 @@ COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
 class PictureScore:
     """The agreement of detected edges with the edges that a person has traced in the picture.
 
-    coverage: share of the traced edges that has detected points nearby. median, p95: median and 95 % quantile of the
-    distance of the points from the traced edges in px; both are NaN if there are no points.
+    coverage: share of the traced edges that has detected points nearby. median, p95, rms: median, 95 % quantile and
+    root mean square of the distance of the points from the traced edges in px; all are NaN if there are no points.
+    traced_px: standard uncertainty of the traced edges.
     """
 
     coverage: float
     median: float
     p95: float
+    rms: float
+    traced_px: float
 
     @property
     def good(self) -> bool:
@@ -53,6 +57,14 @@ class PictureScore:
         The coverage does not count: a few exact points are not wrong.
         """
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
+
+    def silent(self, edges: EdgeSet) -> bool:
+        """Whether edges that a fit uses without a doubt are wrong by more than three uncertainties of the reference."""
+        flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
+        return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
+
+
+_NO_POINTS = PictureScore(0.0, math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -111,7 +123,7 @@ class Picture:
         """Score edges by the rules that come with the pictures; the left edge may match either traced edge."""
         reference = json.loads((self.folder / "reference.json").read_text())
         if not self.beam or not len(edges.left.points_mm):
-            return PictureScore(0.0, math.nan, math.nan)
+            return _NO_POINTS
         foot = _foot()
         frame = BeamFrame(calibration)
         edges_px = [frame.to_px(edge.points_mm) for edge in (edges.left, edges.right)]
@@ -131,8 +143,17 @@ class Picture:
                 covered += int((np.abs(stations[:, None] - at).min(axis=1, initial=np.inf) <= reach).sum())
             apart = np.concatenate(distances)
             if len(apart):
-                ways.append(PictureScore(covered / total, float(np.median(apart)), float(np.percentile(apart, 95))))
-        return min(ways, key=lambda scored: scored.median, default=PictureScore(0.0, math.nan, math.nan))
+                rms = float(np.sqrt((apart**2).mean()))
+                ways.append(
+                    PictureScore(
+                        covered / total,
+                        float(np.median(apart)),
+                        float(np.percentile(apart, 95)),
+                        rms,
+                        reference["uncertainty_px"],
+                    )
+                )
+        return min(ways, key=lambda scored: scored.median, default=_NO_POINTS)
 
 
 def pictures(group: str) -> Iterator[Picture]:

@@ -109,12 +109,13 @@ def find_edges(
     search = BackLitSearch(BeamFrame(calibration), calibration.pixels_per_mm, specimen_file, findings, limits)
     search.projection, search.polarity = projection, calibration.picture.polarity if calibration.picture else None
     outlined = search.find_outline(image)
-    trusted = outlined is not None and not _is_in_doubt(image, search)
+    lit_beam = outlined is not None and outlined.picture.lit_beam
+    trusted = outlined is not None and not _is_in_doubt(image, search, lit_beam)
     edges = search.locate_edges(outlined, spacing_mm) if outlined is not None and trusted else None
     clicks = _clicks(calibration) if expected_mm is None else None
     if edges is not None and clicks is not None and _passes_beside(edges, search.frame, clicks):
         edges, outlined = None, None
-    if edges is not None and not _is_in_doubt(image, search):
+    if edges is not None and not _is_in_doubt(image, search, lit_beam):
         flags = judge(findings, limits, search.words())
     else:
         followed = follow_beam(
@@ -215,15 +216,20 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
     return bool(off_path(middle, clicks).max() > half + CLICKED_PX)
 
 
-def _is_in_doubt(image: ArrayLike, search: BackLitSearch) -> bool:
+def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
     """Return whether the silhouette raises a flag for which the beam is followed from its clamp instead.
 
-    The silhouette is the dark outline of the beam; a flag is a quality check that its edges do not pass.
+    The silhouette is the outline of the beam; a flag is a quality check that its edges do not pass. In a grey picture,
+    which may have been taken in front of a back-light, the edges of the silhouette remain the best: only a silhouette
+    that reaches the border of the picture is in doubt. A beam that is brighter than its surroundings (`lit_beam`) does
+    not lie in front of a back-light, and its silhouette is also in doubt if a flag makes its edges unusable.
     """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
-    if np.ndim(image) == 2:  # in front of a back-light the edges of the silhouette remain the best
+    if np.ndim(image) == 3:
+        return bool(judge(doubts, search.limits, search.words()))
+    if not lit_beam:
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
-    return bool(judge(doubts, search.limits, search.words()))
+    return leaves_out(judge(doubts, search.limits, search.words()))
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:

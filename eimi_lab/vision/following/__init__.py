@@ -13,6 +13,7 @@ discriminant   project colours by Fisher's discriminant of the two sides of an e
 seams          find an edge by dynamic programming, as the line at which the projected colour falls most
 colour_seams   find both edges, each in a colour projection of its own
 shadows        move an edge from the border of a shadow to the edge of the beam
+stated_width   move an edge inward if the body is wider than stated
 support        decide where each edge is reliable, and where the beam ends
 edge_points    fit blurred steps in the original image, and estimate the scatter of the points
 ends           remove the points at both ends where the width of the beam changes

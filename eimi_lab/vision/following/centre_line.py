@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -18,7 +17,11 @@ CLICKED_PX = 10.0  # distance from the centre line within which a person clicks
 _CLICKED_EVIDENCE = 0.25  # gain of a step on a clicked line: the person has seen the body there
 _CLICKED_COST = 2.0  # largest cost of a step beside a clicked line, more than a step gains
 _CARRIED_COST = 0.15  # and beside the line of an earlier picture: a clear body elsewhere is better
-_CLICKED_SPREAD = 0.1  # of the distance from the nearest click: by so much a line between few clicks may miss the beam
+_CLICK_SIGMA_PX = 0.5 * CLICKED_PX  # of each coordinate of a point in a disc of this radius
+_CLAMP_SIGMA_PX = 3.0  # of a clamp that a person pointed at by eye
+_AXIS_SIGMA_RAD = 0.1
+_TURN_SIGMA_RAD = 1.0  # standard deviation of the turn of a beam between its clamp and its tip
+_LIKELY = 2.0  # standard deviations of the clicked line within which a strip has no cost
 _CARRIED_SPREAD = 0.25  # of the distance from the clamp: by so much the beam may move between two pictures
 _AHEAD = 0.15  # of the line's length: difference of the arc lengths at which a strip and the line are compared
 _SAMPLES = 120  # of the line
@@ -94,7 +97,14 @@ class CentreLine:
 
 
 def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
-    """Return the smooth line from the clamp through the points that a person clicked.
+    """Return the most probable line from the clamp past the points that a person clicked.
+
+    The direction of the beam is described as a random walk along the beam that begins with the direction at the clamp.
+    The positions of the beam are then normally distributed, and each clicked point is a measurement of one position
+    with a normally distributed error. The line is the mean of the positions after these measurements (the cubic
+    smoothing spline; G. Wahba, "Improper priors, spline smoothing and the problem of guarding against model errors in
+    regression", J. R. Stat. Soc. B 40 (1978) 364). An interpolating line would turn sharply at two clicks that are
+    close together.
 
     Parameters
     ----------
@@ -112,11 +122,28 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     """
     corners = _merged(off_clamp(clamp_px, clicks_px))
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    spline = CubicSpline(chord, corners, bc_type=((1, ahead), (2, np.zeros(2))))
-    at = np.linspace(0.0, chord[-1], 4 * _SAMPLES)
-    from_click = np.abs(at[:, None] - chord).min(axis=1)
-    free_px = CLICKED_PX + _CLICKED_SPREAD * from_click
-    return _line(spline(at), free_px, _CLICKED_EVIDENCE, _CLICKED_COST)
+    at, clicked = np.linspace(0.0, chord[-1], 4 * _SAMPLES), chord[1:]
+    measured = _covariance(clicked, clicked, chord[-1]) + _CLICK_SIGMA_PX**2 * np.eye(len(clicked))
+    weight = np.linalg.solve(measured, _covariance(clicked, at, chord[-1])).T
+    straight = corners[1:] - clamp_px - clicked[:, None] * ahead
+    line = clamp_px + at[:, None] * ahead + weight @ straight
+    before = _CLAMP_SIGMA_PX**2 + (_AXIS_SIGMA_RAD * at) ** 2 + _TURN_SIGMA_RAD**2 * at**3 / (3.0 * chord[-1])
+    variance = before - (weight * _covariance(at, clicked, chord[-1])).sum(axis=1)
+    free_px = np.maximum(CLICKED_PX, _LIKELY * np.sqrt(np.maximum(variance, 0.0)))
+    return _line(line, free_px, _CLICKED_EVIDENCE, _CLICKED_COST)
+
+
+def _covariance(one: Array, other: Array, length_px: float) -> Array:
+    """Return the covariance (px²) of the positions of a beam at n and m distances from the clamp, shape (n, m).
+
+    The covariance is that of one coordinate before the clicks are known. The direction of the beam is a random walk
+    with the standard deviation `_TURN_SIGMA_RAD` at the distance `length_px`.
+
+    one, other: the distances, px, shapes (n,) and (m,).
+    """
+    nearer, farther = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
+    walk = _TURN_SIGMA_RAD**2 / length_px * nearer**2 * (farther / 2.0 - nearer / 6.0)
+    return np.asarray(_CLAMP_SIGMA_PX**2 + _AXIS_SIGMA_RAD**2 * one[:, None] * other + walk)
 
 
 def carried_line(middle_px: Array) -> CentreLine:

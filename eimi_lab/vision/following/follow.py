@@ -129,7 +129,7 @@ def follow(
         strip = find_strip(remove_reflections(coarse), polarity, lambda: _in_working(coarse, earlier_px()))
     if coarse is None or strip is None:
         return FollowedBeam(nothing, coarse)
-    fine = working_picture(image, beam, float(FINENESS))
+    fine = working_picture(image, beam, min(float(FINENESS), beam.width_px))  # reduced, but never enlarged
     unrolled = unroll(fine, coarse, strip) if fine else None
     if unrolled is None:
         return FollowedBeam(nothing, coarse, strip)
@@ -175,7 +175,7 @@ def _findings(
     gain = float(strip.gain.mean())
     unbroken = bool(sides.sound[:, first : sides.end].mean(axis=1).min() > _UNBROKEN)
     begin = max(0.0, float(unrolled.along[first] - _UNSEEN * unrolled.along[sides.end - 1]))
-    clear = unbroken and gain > _CLEAR_GAIN and contrast > _CLEAR_CONTRAST
+    clear = unbroken and float(np.median(strip.gain)) > _CLEAR_GAIN and contrast > _CLEAR_CONTRAST
     return {
         "followed_stretch" if clear else "followed_length": length,
         "followed_beyond": length,

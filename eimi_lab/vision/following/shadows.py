@@ -72,9 +72,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     )
     clear = shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)
     moved = clear & (body.support > _HALF) & (median_filter(shift, size=(1, window), mode="nearest") > least)
-    moved &= np.stack(
-        [_is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)]
-    )
+    moved &= np.stack([is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)])
     opening = np.ones((1, window), dtype=bool)
     dark = binary_opening(moved, opening)
     if not dark.any():
@@ -89,7 +87,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     for edge, border, places in zip(body.edge, colour_seams.edge, moved, strict=True):
         if places.any() and _is_rim(unrolled, edge, border, places, window):
             places[:] = False
-    left, right = (_merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
+    left, right = (merged(*sides) for sides in zip(moved, body.projected, colour_seams.projected, strict=True))
     return Seams(
         edge=np.where(moved, body.edge, colour_seams.edge),
         support=np.where(moved, body.support, colour_seams.support),
@@ -138,7 +136,7 @@ def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window
     return [_colours_of(unrolled, band, window) for band in bands]
 
 
-def _is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
+def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
     """Return whether the region between an edge and the border of a shadow is dimmed, at n stations, shape (n,).
 
     The stations are places along the beam. The region is dimmed if its colour, projected on the colour of the
@@ -165,7 +163,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
     return np.asarray(total / np.maximum(count, 1e-3))
 
 
-def _merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
+def merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
     """Return a projection that equals `where_moved` at the stations where the edge was moved, else `elsewhere`.
 
     A projection is a weighted sum of colours; a station is a place along the beam.

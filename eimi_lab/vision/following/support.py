@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import binary_opening, median_filter
 from eimi_lab.vision.following.colour_seams import OUTWARD, find_colour_seams
 from eimi_lab.vision.following.discriminant import ColourProjection
 from eimi_lab.vision.following.shadows import move_off_shadows
+from eimi_lab.vision.following.stated_width import prefer_stated_width
 from eimi_lab.vision.following.unrolled import UnrolledPicture
 
 Array = NDArray[np.float64]
@@ -24,7 +26,7 @@ _SHARPEST = 0.5  # rad: a beam of the largest allowed curvature turns by 0.4; a 
 _LEVER = 1.5  # widths before a gap that determine the direction
 _SHORTEST = 0.2  # widths: a shorter run of sure stations is rejected
 _NOTCH = 0.25  # widths: a shorter gap of one edge, beside which the other edge is sure, is a notch in the same body
-_NOTCH_LEAP = 0.15  # widths by which the width may differ behind a notch
+_BESIDE_LEAP = 0.15  # widths by which the width may differ behind a gap beside which the other edge is sure
 _LEAP = 0.1  # widths by which the width may differ behind a gap
 _ASIDE = 0.12  # widths by which an edge behind a gap may lie beside its straight continuation
 _STRAY = 0.25  # widths that are added to both for each width of the gap
@@ -95,12 +97,14 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
     """
     strip = np.outer(OUTWARD, 0.5 * unrolled.width)
     seams = move_off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
+    # The beam ends where the cumulative support of both sides, less 2 · _HALF at each station, is largest.
+    total = np.cumsum(seams.support.sum(axis=0) - 2.0 * _HALF)
+    total[: np.searchsorted(unrolled.along[:-1], clicked)] = -np.inf
+    last = int(total.argmax())
+    seams = prefer_stated_width(unrolled, seams, noise, last + 1)
     edge, support, projected = seams.edge, seams.support, seams.projected
     sound = _sound(unrolled, edge, support, projected)
-    # The beam ends where the cumulative support of both sides, less 2 · _HALF at each station, is largest.
-    total = np.cumsum(support.sum(axis=0) - 2.0 * _HALF)
-    total[: np.searchsorted(unrolled.along[:-1], clicked)] = -np.inf
-    sound[:, int(total.argmax()) + 1 :] = False
+    sound[:, last + 1 :] = False
     scale = float(np.linalg.norm(unrolled.aside[0]))
     lever = round(_LEVER * unrolled.stations_in_width)
     for row in (0, 1):
@@ -187,8 +191,9 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     later run lies near the straight continuation of the earlier run. Second, the beam has about the same width in both
     runs. The tolerances of both conditions grow with the length of the gap.
 
-    The first condition is not checked at a notch: a gap shorter than a quarter of a width, in which the other edge is
-    sure. The segments of a soft arm, and the folds of a bellows, have notches.
+    The first condition is not checked if the other edge is sure beside the whole gap, and if the width behind the gap
+    differs by less than 0.15. The other edge and the width then show that the body is the same, also if the body bends
+    strongly. The segments of a soft arm, the folds of a bellows, and stains at one edge cause such gaps.
 
     These conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
     near the clamp that interrupts a long edge.
@@ -212,49 +217,89 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
         True for the stations of the longest chain.
     """
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
-    chains: list[NDArray[np.int64]] = []
+    chains: list[_Chain] = []
     near = max(3, lever // 4)  # short, because a beam in perspective widens along a longer stretch
     for begin, back in zip(np.flatnonzero(step > 0), np.flatnonzero(step < 0), strict=True):
         run = np.arange(begin, back)
+        ahead, width_ahead = seam[run[: max(1, len(run) // 2)]], _median_width(width[run[:near]])
         longest = run[:0]
-        for before in chains:
-            gap = float(np.linalg.norm(seam[begin] - seam[before[-1]])) / scale
-            widths = width[before[-near:]], width[run[:near]]
-            notch = gap < _NOTCH and bool(np.isfinite(width[before[-1] : begin + 1]).all())
-            goes_on = _as_wide(*widths, gap, _NOTCH_LEAP if notch else _LEAP)
-            if len(before) > len(longest) and goes_on and (notch or _leads_to(seam[before], seam[run], scale, lever)):
-                longest = before
-        chains.append(np.concatenate([longest, run]))
+        for before in sorted(chains, key=len, reverse=True):
+            gap = float(np.linalg.norm(seam[begin] - before.end)) / scale
+            beside = bool(np.isfinite(width[before.stations[-1] : begin + 1]).all())
+            difference = abs(width_ahead - before.width)  # NaN if one of the widths is unknown
+            as_wide = beside and difference < _BESIDE_LEAP + _STRAY * min(gap, _NOTCH)
+            if as_wide or (not difference >= _LEAP + _STRAY * gap and before.leads_to(ahead, scale)):
+                longest = before.stations
+                break
+        chains.append(_Chain.through(seam, width, np.concatenate([longest, run]), lever, near))
     kept = np.zeros(len(sound), dtype=bool)
-    kept[max(chains, key=len, default=np.zeros(0, dtype=np.int64))] = True
+    if chains:
+        kept[max(chains, key=len).stations] = True
     return kept
 
 
-def _as_wide(before: Array, after: Array, gap: float, leap: float) -> bool:
-    """Return whether the beam has about the same width before and after a gap in one of its edges.
+@dataclass(frozen=True)
+class _Chain:
+    """A chain of runs of one edge, and how the edge and the width of the beam continue at its outer end.
 
-    The widths and the length of the gap are in nominal widths, and `leap` is the permitted difference of the widths,
-    without the part that grows with the gap. Unknown widths are NaN. The result is True if fewer than
-    three widths are known before or after the gap.
+    A run is a sequence of neighbouring stations (places along the beam) at which the edge is sure (reliable).
+
+    Attributes
+    ----------
+    stations : ndarray of int, shape (n,)
+        The stations of the chain.
+    end : ndarray, shape (2,)
+        The last point of the edge, px.
+    foot, direction : ndarray, shape (2,)
+        The point nearest to `end` on the straight line through the last points of the edge, px, and the unit vector
+        along this line, away from the clamp.
+    width : float
+        Median width of the beam at the last stations, in nominal widths; NaN if fewer than three widths are known.
     """
-    before, after = before[np.isfinite(before)], after[np.isfinite(after)]
-    if min(len(before), len(after)) < 3:
-        return True
-    return bool(abs(np.median(after) - np.median(before)) < leap + _STRAY * gap)
+
+    stations: NDArray[np.int64]
+    end: Array
+    foot: Array
+    direction: Array
+    width: float
+
+    def __len__(self) -> int:
+        return len(self.stations)
+
+    @classmethod
+    def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
+        """Return the chain of the given stations.
+
+        Parameters
+        ----------
+        seam : ndarray, shape (m, 2)
+            The points of the edge at all stations, px.
+        width : ndarray, shape (m,)
+            Width of the beam in nominal widths; NaN where it is unknown.
+        stations : ndarray of int, shape (n,)
+            The stations of the chain.
+        lever, near : int
+            Number of stations at the end over which the direction and the width are measured.
+        """
+        last = seam[stations[-lever:]]
+        end, middle = last[-1], last.mean(axis=0)
+        direction = np.linalg.svd(last - middle, full_matrices=False)[2][0]
+        direction = direction * (1.0 if direction @ (end - middle) >= 0.0 else -1.0)
+        foot = middle + ((end - middle) @ direction) * direction
+        return cls(stations, end, foot, direction, _median_width(width[stations[-near:]]))
+
+    def leads_to(self, ahead: Array, scale: float) -> bool:
+        """Return whether the straight line through the end of this chain leads to n points of the edge after a gap.
+
+        ahead: the points, px, shape (n, 2). scale: nominal width of the beam, px.
+        """
+        offset = ahead - self.foot
+        along = offset @ self.direction
+        aside = np.abs(offset[:, 0] * self.direction[1] - offset[:, 1] * self.direction[0])
+        return bool(np.median(along) > 0.0 and np.median(aside - _STRAY * along) < _ASIDE * scale)
 
 
-def _leads_to(before: Array, after: Array, scale: float, lever: int) -> bool:
-    """Return whether the straight line through the last edge points before a gap leads to the points after the gap.
-
-    before, after: points of the edge before and after the gap, px, shapes (a, 2) and (b, 2). scale: nominal width of
-    the beam, px. lever: number of points through which the line is fitted.
-    """
-    near = before[-lever:]
-    middle = near.mean(axis=0)
-    direction = np.linalg.svd(near - middle, full_matrices=False)[2][0]
-    direction = direction * (1.0 if direction @ (before[-1] - middle) >= 0.0 else -1.0)
-    end = middle + ((before[-1] - middle) @ direction) * direction
-    ahead = after[: max(1, len(after) // 2)] - end
-    along = ahead @ direction
-    aside = np.abs(ahead[:, 0] * direction[1] - ahead[:, 1] * direction[0])
-    return bool(np.median(along) > 0.0 and np.median(aside - _STRAY * along) < _ASIDE * scale)
+def _median_width(widths: Array) -> float:
+    """Return the median of the known widths of the beam; NaN if fewer than three are known (not NaN)."""
+    known = widths[np.isfinite(widths)]
+    return float(np.median(known)) if len(known) >= 3 else math.nan

@@ -1,0 +1,88 @@
+"""Look for an edge inside the border that makes the body wider than the stated width.
+
+Beside a beam that lies on its own shadow, the border of the shadow may be the clearest line, and the shadow may have
+the hue of the beam. The colours then do not tell the beam from its shadow (`shadows`), but the width does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.following.colour_seams import OUTWARD, Seams, find_colour_seams
+from eimi_lab.vision.following.shadows import is_dimmed, merged
+from eimi_lab.vision.following.unrolled import UnrolledPicture
+
+Array = NDArray[np.float64]
+
+_WIDER = 0.15  # logarithm of the width over the stated width, from which another edge is sought
+_AS_STATED = 0.1  # the same of the other edge: a width read by eye has about this error
+_TOLERANCES = (0.3, 0.2)  # widths, of the two passes: about the place that the stated width gives, then about the seam
+_LEAST_SUPPORT = 0.7  # mean of the other edge; a full step has the support 1
+_LEAST_SEPARATION = 3.0  # median of the other edge, in standard deviations between inside and outside
+_WINDOW = 1.0  # widths along the beam over which colours are averaged
+
+
+def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, end: int) -> Seams:
+    """Move one edge inward if the body is too wide, and if a clear edge lies where the stated width expects it.
+
+    Each of the two edges is moved in turn. The search begins at the stated width from the other edge. The region
+    between the clear edge and the former border must be darker than the surroundings, as a shadow is.
+
+    Parameters
+    ----------
+    unrolled : UnrolledPicture
+        The picture, sampled along and across the beam.
+    seams : Seams
+        Both edges.
+    noise : float
+        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+    end : int
+        Number of stations before the end of the beam. Stations are places along the beam.
+
+    Returns
+    -------
+    Seams
+        The edges. `Seams.shadow` contains the distance by which an edge was moved.
+    """
+    if _wider(seams.edge, end) < _WIDER:
+        return seams
+    best, best_support = seams, _LEAST_SUPPORT
+    for row in (0, 1):
+        expected = seams.edge.copy()
+        expected[row] = expected[1 - row] + OUTWARD[row]
+        other = find_colour_seams(unrolled, expected, noise, _TOLERANCES)
+        support = float(other.support[row, :end].mean())
+        separation = float(np.median(other.projected[row].separation[:end]))
+        edge = seams.edge.copy()
+        edge[row] = other.edge[row]
+        inward = OUTWARD[row] * (seams.edge[row] - edge[row])
+        window = max(3, round(_WINDOW * unrolled.stations_in_width))
+        dark = is_dimmed(unrolled, edge[row], seams.edge[row], window)
+        if (
+            support > best_support
+            and separation > _LEAST_SEPARATION
+            and abs(_wider(edge, end)) < _AS_STATED
+            and float(np.median(inward[:end])) > 0.0
+            and float(dark[:end].mean()) > 0.5
+        ):
+            best, best_support = _with_edge(seams, other, row, inward), support
+    return best
+
+
+def _wider(edge: Array, end: int) -> float:
+    """Return the logarithm of the median width of the beam, in nominal widths, at the stations before its end."""
+    return float(np.log(max(np.median((edge[1] - edge[0])[:end]), 1e-3)))
+
+
+def _with_edge(seams: Seams, other: Seams, row: int, inward: Array) -> Seams:
+    """Return `seams` with the edge `row` of `other`, which lies farther inward by `inward` widths, shape (n,)."""
+    moved = np.zeros(seams.edge.shape, dtype=bool)
+    moved[row] = True
+    left, right = (merged(*sides) for sides in zip(moved, other.projected, seams.projected, strict=True))
+    return Seams(
+        edge=np.where(moved, other.edge, seams.edge),
+        support=np.where(moved, other.support, seams.support),
+        projected=(left, right),
+        shadow=np.where(moved, np.maximum(inward, 0.0), seams.shadow),
+    )
