@@ -158,6 +158,28 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
     assert page.locator("html").evaluate("root => root.scrollWidth") <= 390
 
 
+def test_the_loupe_is_small_and_lies_beside_the_point(served: Any, phone: Phone, photographs: list[Path]) -> None:
+    """The loupe covers a part of the picture only, on the other side of the picture than the pointer."""
+    (served.folder / "loupe").mkdir(exist_ok=True)
+    (served.folder / "loupe" / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())
+    page = phone.page
+    page.reload()
+    page.locator("#phone-folder option[value=loupe]").wait_for(state="attached")
+    page.locator("#phone-folder").select_option("loupe")
+    page.get_by_text("Click 1 of 4").wait_for()
+    box = page.locator("#phone-picture svg").bounding_box()
+    for share in (0.2, 0.8):
+        x = box["x"] + share * box["width"]
+        page.mouse.move(x, box["y"] + 0.5 * box["height"])
+        loupe = page.locator("#phone-picture .loupe")
+        loupe.wait_for(state="visible")
+        covered = loupe.bounding_box()
+        assert 150.0 < covered["width"] < 0.5 * box["width"]
+        assert not covered["x"] <= x <= covered["x"] + covered["width"]
+    page.mouse.move(box["x"] - 20.0, box["y"] + 0.5 * box["height"])
+    page.locator("#phone-picture .loupe").wait_for(state="hidden")
+
+
 @pytest.mark.parametrize(
     ("name", "body", "words"),
     [
