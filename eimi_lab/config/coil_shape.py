@@ -31,8 +31,8 @@ class CoilShapeTable(Table):
 
     In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The table gives only the
     dependence on position. The strength follows from coil_constant_mT_per_A, which is the field at the middle of the
-    magnet at rest, or at the middle of the beam if there is no magnet. Give two circular loops of wire with a common
-    axis, a map (the measured field at the points of a grid), or only a gradient.
+    magnet at rest, or at the middle of the beam if there is no magnet. The user gives two circular loops of wire with a
+    common axis, a map (the measured field at the points of a grid), or only a gradient.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)
@@ -131,7 +131,7 @@ def with_rows_of_map(table: dict[str, Any], beside: Path) -> bool:
     Raises
     ------
     InputError
-        If the map file cannot be read, or has other columns.
+        If the map file cannot be read, or does not have the required columns.
     """
     field = table.get("field")
     if not isinstance(field, dict) or not isinstance(field.get("map"), str):

@@ -359,7 +359,7 @@ class Dataset:
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Return points of the beam frame in coordinates (right, up), in which the beam looks as it was seen.
+        """Return points of the beam frame in coordinates (right, up), to plot the beam as in the picture.
 
         The last axis of the argument, shape (..., 2), contains x (along the straight beam from the clamp) and y (across
         the beam), mm. The last axis of the result contains right and up, mm. With a calibration, these are the

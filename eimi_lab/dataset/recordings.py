@@ -5,7 +5,7 @@ A dataset has up to four recordings. Each is one NXdata in the file:
     transients      frames while the beam settles or creeps in a state
     ring_down       frames after steps of the current to zero, at the full rate of the camera
     release         frames after the step of the current to zero in a run of an early version
-    conditioning    frames of the first and the last conditioning cycle before the run
+    conditioning    frames of the first and the last load cycle before the run (conditioning)
 
 HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore the groups are created
 with the file, and a column gives the state, the cycle or the ring-down to which each frame belongs. The column `time`

@@ -141,8 +141,9 @@ class Check:
 
 
 def leaves_out(flags: Iterable[Flag]) -> bool:
-    """Return whether a fit leaves out a state (load step) with the given flags, because a flag is unusable.
+    """Return whether a fit leaves out a state (load step) with the given flags.
 
-    A flag is the record of a quality check that the state did not pass.
+    A flag is the record of a quality check that the state did not pass. A fit leaves the state out if a flag has the
+    severity `Severity.UNUSABLE`.
     """
     return any(flag.severity is Severity.UNUSABLE for flag in flags)

@@ -154,7 +154,7 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return the texts that replace the words in braces in the remedy (advice) for a beam that is too narrow."""
+    """Return the texts for the placeholders, such as {narrow_px}, in the remedy (advice) for a too narrow beam."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
