@@ -31,7 +31,7 @@ def unseen() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Report:
-    """Functions that report the progress of long work. Calling the report itself reports the end of a step.
+    """Functions that report the progress of long work. A call of the object itself reports the end of a step.
 
     Parameters
     ----------

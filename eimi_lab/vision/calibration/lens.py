@@ -150,7 +150,7 @@ class BoardPose:
 
 
 def fit_board_pose(view: View, board_error: float) -> BoardPose:
-    """Fit the scale and the orientation of a board by least squares.
+    """Fit the scale and the orientation of a calibration board by least squares.
 
     Let b be the points on the board (mm) and q the points in the image (px), each as complex numbers relative to the
     mean of the points. The similarity q ≈ t b has the least-squares solution
@@ -158,16 +158,16 @@ def fit_board_pose(view: View, board_error: float) -> BoardPose:
         t = Σ b* q / Σ |b|².
 
     with the conjugate b* of b. |t| is the scale, and the argument of t is the direction of the board's rows. The
-    variance of the scale is the sum of three variances: from the scatter of the points, from the error of the print,
-    and from a tilt of the board. The standard deviation due to the tilt is half of the difference between the largest
-    and the smallest scale of an affine fit.
+    variance of the scale is the sum of three variances: from the scatter of the points, from the error of the printed
+    pattern, and from a tilt of the board. The standard deviation due to the tilt is half of the difference between the
+    largest and the smallest scale of an affine fit.
 
     Parameters
     ----------
     view : View
         n points on the board in mm, shape (n, 2), and the undistorted points in the image in px, shape (n, 2).
     board_error : float
-        Relative standard uncertainty of the size of the print.
+        Relative standard uncertainty of the size of the printed pattern.
 
     Returns
     -------

@@ -141,7 +141,7 @@ class PassResult:
         Parameters
         ----------
         outward : float
-            +1 for the plateau outside the beam, -1 for the plateau inside.
+            +1 for the grey values outside the beam, -1 for the grey values inside.
 
         Returns
         -------

@@ -323,8 +323,9 @@ def _derivatives(
     Returns
     -------
     columns : ndarray, shape (n, m, 3)
-        Derivatives with respect to the dark plateau, the bright plateau and the offset (the place of the step) of each
-        profile. A profile equals dark · (first column) + bright · (second column).
+        Derivatives with respect to the three unknowns of each profile: the grey values on the dark and on the bright
+        side of the step, and the offset (the place of the step). A profile equals dark · (first column) + bright ·
+        (second column).
     shared_columns : ndarray, shape (n, m, 1 + k)
         Derivatives with respect to the blur and to the widths of the silicone on k sides of the magnet.
     """

@@ -30,8 +30,9 @@ def estimate_gamma(
 ) -> float | None:
     """Estimate the gamma of the camera, where grey = light ** (1 / gamma).
 
-    The profiles are divided by their bright plateaus, shifted to a common edge, and averaged in bins of a quarter
-    pixel. A blurred step to the power 1/gamma is then fitted to the mean profile.
+    The profiles (grey values along lines across an edge) are divided by the grey value of their bright end, shifted to
+    a common edge, and averaged in bins of a quarter pixel. A blurred step to the power 1/gamma is then fitted to the
+    mean profile.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def estimate_gamma(
     offset_px : ndarray, shape (n,)
         Distance along the normal at which each profile crosses the edge.
     bright : ndarray, shape (n,)
-        Grey value of the bright plateau of each profile.
+        Grey value at the bright end of each profile.
     blur_px : float
         Standard deviation of the blur.
 

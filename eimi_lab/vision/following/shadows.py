@@ -122,8 +122,8 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
     """Return the mean colours inside an edge, in the region between the edge and a border, and outside the border.
 
-    Each has the shape (n, channels), for n stations (places along the beam). The border is a line outside the edge. All
-    are measured away from the blur of the edge and of the border.
+    The list contains three arrays of the shape (n, channels), for n stations (places along the beam). The border is a
+    line outside the edge. The colours are measured away from the blur of the edge and of the border.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
