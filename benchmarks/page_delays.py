@@ -6,7 +6,8 @@ of every process each minute. The script needs the extras `page` and `test`, and
 
 All times come from one clock. The delay of a frame is the time from the arrival of the frame in the run until the
 browser reports to the server that the frame is drawn. The delay of a stop is the time from the key press until the
-emulated output is off.
+emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its delay
+ends when the emulated supply takes the current of zero.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,6 +32,9 @@ import numpy as np
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators.serve import DIALECTS, emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.supplies.kepco import READS_ZERO_WITHIN_A, KepcoBopSupply
+from eimi_drivers.supplies.off import LEAST_OFF_A
+from eimi_drivers.supplies.supply_names import supply_driver
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import load_specimen
 
@@ -45,6 +49,50 @@ axis_angle_deg = 90.0
 gravity_angle_deg = 90.0
 field_angle_deg = 0.0
 """
+
+
+class TimedSupply(CoilSupply):
+    """An emulated supply and its coil, with the times at which the supply was switched off.
+
+    Parameters
+    ----------
+    driver : str
+        The name of the driver. It determines what switches the supply off: a current of zero for a Kepco supply, and
+        the output for every other family.
+
+    Attributes
+    ----------
+    off_s : list of float
+        The times at which the supply was switched off, s on the monotonic clock.
+    """
+
+    def __init__(self, driver: str) -> None:
+        super().__init__(WallClock())
+        chosen = supply_driver(driver)
+        self._output_stays_on = isinstance(chosen, type) and issubclass(chosen, KepcoBopSupply)
+        self.off_s = list[float]()
+
+    def is_off(self) -> bool:
+        """Return whether the supply is switched off and the current in the coil has decayed."""
+        if self._output_stays_on:
+            return self.state.set_current_A == 0 and abs(self.coil_current_A()) <= READS_ZERO_WITHIN_A
+        return not self.state.output and abs(self.coil_current_A()) <= LEAST_OFF_A
+
+    def switch(self, on: bool) -> bool:
+        """Switch the output, and note the time at which it was switched off."""
+        obeyed = super().switch(on)
+        self._note(not on and not self._output_stays_on)
+        return obeyed
+
+    def set_current(self, current_A: float) -> bool:
+        """Set the current (A), and note the time of a current of zero if this switches the supply off."""
+        accepted = super().set_current(current_A)
+        self._note(current_A == 0 and self._output_stays_on)
+        return accepted
+
+    def _note(self, off: bool) -> None:
+        if off:
+            self.off_s.append(time.monotonic())
 
 
 def draw(number: int) -> np.ndarray:
@@ -153,19 +201,10 @@ def frame_to_screen_s(page: Any) -> list[float]:
 def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
     """Start and stop several runs on the page, and return two lists of delays (s).
 
-    The first list has the delays from the key press until the output was off. The second list has the delays from the
+    The first list has the delays from the key press until the supply was off. The second list has the delays from the
     arrival of a frame until the browser showed it. `driver` is the driver of the emulated supply.
     """
-    coil, off = CoilSupply(WallClock()), list[float]()
-    switch: Callable[[bool], bool] = coil.switch
-
-    def noted(on: bool) -> bool:
-        obeyed = switch(on)
-        if not on:
-            off.append(time.monotonic())
-        return obeyed
-
-    coil.switch = noted  # type: ignore[method-assign]
+    coil = TimedSupply(driver)
     serving = serve_pty if driver == "korad" else serve_tcp
     took, ages = [], []
     with TemporaryDirectory() as name, serving(emulate(driver, coil)) as address:
@@ -175,12 +214,12 @@ def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
             for run in range(runs):
                 start(page, f"run_{run}.h5")
                 page.wait_for_timeout(6000 + 370 * run)  # ms; each run is stopped at another moment
-                off.clear()
+                coil.off_s.clear()
                 pressed = time.monotonic()
                 page.keyboard.press("Escape")
                 page.get_by_text("confirmed after").wait_for()
-                assert not coil.state.output
-                took.append(off[0] - pressed)
+                assert coil.is_off()
+                took.append(coil.off_s[0] - pressed)
                 print(f"{driver}: off after {took[-1]:.3f} s", flush=True)
                 page.get_by_role("button", name="Start").wait_for()
             ages = frame_to_screen_s(page)
@@ -240,11 +279,12 @@ def main() -> None:
         "--stream", type=float, default=0.0, help="minutes of live pictures, instead of measuring the delays"
     )
     parser.add_argument("--all", action="store_true", help="measure every family of supplies that can be emulated")
+    parser.add_argument("--supply", action="append", choices=list(DIALECTS), help="measure this family; repeatable")
     options = parser.parse_args()
     if options.stream:
         stream(options.stream)
         return
-    for driver in DIALECTS if options.all else SUPPLIES:
+    for driver in options.supply or (DIALECTS if options.all else SUPPLIES):
         took, ages = stops(driver, options.runs)
         print(
             f"{driver}: STOP to off, {len(took)} runs: median {statistics.median(took):.3f} s, most {max(took):.3f} s"

@@ -23,6 +23,7 @@ from eimi_lab.fits.measured_remarks import (
 )
 from eimi_lab.fits.records import DatasetReference, FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
+from eimi_lab.showing.significant import significant
 
 _LARGEST = 5  # each of the five largest sources has its own line; all smaller sources share one line
 
@@ -67,10 +68,12 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
     """Return lines on the quantities that the data of a fit determine."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
-        low, high = fit.bulk_modulus.interval_95
+        value, low, high = (
+            significant(1e-3 * number, 4) for number in (fit.bulk_modulus.value, *fit.bulk_modulus.interval_95)
+        )
         open_end = BULK_NAME in fit.identifiability.not_fixed
         lines.append(
-            f"bulk modulus {_kPa(fit.bulk_modulus.value)} [{_kPa(low)}, {_kPa(high)}] kPa"
+            f"bulk modulus {value} [{low}, {high}] kPa"
             + ("; the data agree with an infinite bulk modulus" if open_end else "")
         )
     return lines
@@ -225,7 +228,7 @@ def _kPa(pascal: float) -> str:
 
 def signed(value: float, unit: str) -> str:
     """Return a deviation with its sign and unit. A deviation without a unit (unit "1") is written in per cent."""
-    return f"{100 * value:+.2g} %" if unit == "1" else f"{value:+.2g} {unit}"
+    return f"{significant(100 * value, 2, '+')} %" if unit == "1" else f"{significant(value, 2, '+')} {unit}"
 
 
 def _scaled(value: float, unit: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_lab.showing.significant import significant
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
@@ -14,12 +15,12 @@ def format_quantity(quantity: Quantity) -> str:
 
     Examples
     --------
-    >>> format_quantity(Quantity(46390.0, "Pa", (46310.0, 46480.0)))
-    '46.39 kPa [46.31, 46.48]'
+    >>> format_quantity(Quantity(46390.0, "Pa", (46310.0, 46500.0)))
+    '46.39 kPa [46.31, 46.50]'
     """
     scale, unit = _unit(quantity)
-    low, high = (scale * bound + 0.0 for bound in quantity.interval_95)  # no negative zeros
-    return f"{scale * quantity.value + 0.0:.4g}{unit and ' '}{unit} [{low:.4g}, {high:.4g}]"
+    value, low, high = (significant(scale * number, 4) for number in (quantity.value, *quantity.interval_95))
+    return f"{value}{unit and ' '}{unit} [{low}, {high}]"
 
 
 def value_and_interval(quantity: Quantity) -> tuple[str, str]:

@@ -13,6 +13,7 @@ from eimi_lab.reporting.elements import Table
 from eimi_lab.reporting.findings import findings
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
+from eimi_lab.showing.significant import significant
 
 _HEAD = ("law", "cause", "probability", "value", "change of the modulus", "measurement that decides")
 _CAPTION = (
@@ -34,7 +35,7 @@ def table_of_causes(fits: Sequence[ShownFit]) -> Table | None:
             "no listed cause" if cause.name == NONE else cause.name.replace("_", " "),
             f"{cause.probability:.2f}",
             "" if cause.name == NONE else signed(cause.value, cause.unit),
-            "" if cause.name == NONE else f"{cause.shift_percent:+.2g} %",
+            "" if cause.name == NONE else f"{significant(cause.shift_percent, 2, '+')} %",
             cause.decide_by,
         )
         for shown in fits

@@ -18,6 +18,7 @@ from eimi_lab.reporting.frames import Crop, crop_of, edges_px, load_words
 from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.showing.drawing import WIDTH_IN, Drawing
 from eimi_lab.showing.palette import PALETTE
+from eimi_lab.showing.significant import significant
 from eimi_lab.vision.flags import Flag
 
 Array = NDArray[np.float64]
@@ -111,7 +112,7 @@ def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
     for name, cases in by_name.items():
         worst = max((flag for _, flag in cases), key=lambda flag: abs(flag.value - flag.limit))
         states = ", ".join(str(index) for index in dict.fromkeys(index for index, _ in cases))
-        rows.append((name, worst.severity, states, f"{worst.value:.3g}", f"{worst.limit:.3g}", worst.remedy))
+        rows.append((name, worst.severity, states, significant(worst.value, 3), f"{worst.limit:.3g}", worst.remedy))
     head = ("flag", "severity", "states", "worst value", "limit", "what to do")
     return Table("flags", "Flags of the states.", head, rows) if rows else None
 

@@ -15,6 +15,7 @@ from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Picture, Table
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.showing.drawing import Drawing
+from eimi_lab.showing.significant import significant
 
 _HEAD = ("ring-down", "from", "to", "amplitude", "frequency", "loss factor", "used")
 _CAPTION = (
@@ -79,9 +80,9 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
     rows = [
         (
             ring.label,
-            f"{window.from_s:.3g} s",
-            f"{window.to_s:.3g} s",
-            f"{window.amplitude_mm:.3g} mm",
+            f"{significant(window.from_s, 3)} s",
+            f"{significant(window.to_s, 3)} s",
+            f"{significant(window.amplitude_mm, 3)} mm",
             f"{window.frequency_Hz:.4f} ± {window.frequency_sigma_Hz:.1g} Hz",
             f"{window.loss:.4f} ± {window.loss_sigma:.1g}",
             "yes" if window.is_used else "no",

@@ -17,6 +17,7 @@ from eimi_lab.reporting.elements import Cell, Table
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.rounded import format_quantity
 from eimi_lab.reporting.shown import ShownFit
+from eimi_lab.showing.significant import significant
 
 _HEAD = (
     "law",
@@ -82,7 +83,7 @@ def _parameters(fit: LawRecord) -> tuple[str | Cell, ...]:
 
 def _misfit(fit: FitRecord | TensileRecord) -> str:
     if isinstance(fit, TensileRecord):
-        return f"RMSE {1e-3 * fit.rmse_Pa:.3g} kPa"
+        return f"RMSE {significant(1e-3 * fit.rmse_Pa, 3)} kPa"
     return f"{micrometres(fit.mean_error_mm)} ± {micrometres(fit.mean_deviation_mm)} µm"
 
 

@@ -12,6 +12,7 @@ from eimi_lab.reporting.findings import Finding, findings
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.published_moduli import PublishedModulus, published_moduli
 from eimi_lab.reporting.rounded import format_quantity
+from eimi_lab.showing.significant import significant
 
 _HEAD = ("shear modulus", "ratio to this result", "how", "source")
 _NOTE = (
@@ -36,8 +37,8 @@ def table_of_published(finding: Finding, material: str) -> Table | None:
 
 def _row(row: PublishedModulus, modulus: Quantity) -> tuple[str, str, str, str]:
     ends = dict.fromkeys((row.low_Pa, row.high_Pa))
-    kPa = " to ".join(f"{1e-3 * end:.3g}" for end in ends)
-    ratio = " to ".join(f"{end / modulus.value:.2g}" for end in ends)
+    kPa = " to ".join(significant(1e-3 * end, 3) for end in ends)
+    ratio = " to ".join(significant(end / modulus.value, 2) for end in ends)
     return f"{kPa} kPa", ratio, row.how.replace("`", ""), row.source
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eimi_fitting.inference.doubts.causes import Cause
 from eimi_fitting.inference.doubts.checks import Doubt
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.planning.choice_of_law import Choice
@@ -23,11 +24,13 @@ from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
+from eimi_lab.reporting.panels.causes import table_of_causes
 from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches
 from eimi_lab.reporting.panels.error_against_field import drawn_errors
 from eimi_lab.reporting.panels.error_boxes import drawn_boxes
 from eimi_lab.reporting.panels.every_fit import tables as fits_on_specimens
 from eimi_lab.reporting.panels.laws import table_of_choice, table_of_laws
+from eimi_lab.reporting.panels.published_values import table_of_published
 from eimi_lab.reporting.panels.stress_strain import drawn_stress
 from eimi_lab.reporting.panels.uncertainty_budget import drawn_budget, shares
 from eimi_lab.reporting.residual_noise import ResidualNoise
@@ -118,10 +121,25 @@ def test_the_budget_s_bars_are_standard_deviations_of_the_modulus(fit: FitRecord
 def test_quantities_of_the_report_have_their_interval_and_their_unit(fit: FitRecord) -> None:
     words = [text.replace("\N{NO-BREAK SPACE}", " ") for text in value_and_interval(fit.initial_shear_modulus)]
     assert words == ["50 kPa", "40 to 65 kPa, −20 % to +30 %"]
-    assert format_quantity(fit.initial_shear_modulus) == "50 kPa [40, 65]"
-    assert format_quantity(Quantity(50e6, "Pa", (40e6, 65e6))) == "50 MPa [40, 65]"
-    assert format_quantity(Quantity(50e9, "Pa", (40e9, 65e9))) == "50 GPa [40, 65]"
-    assert format_quantity(Quantity(2.0, "1", (1.5, 3.0))) == "2 [1.5, 3]"
+    assert format_quantity(fit.initial_shear_modulus) == "50.00 kPa [40.00, 65.00]"
+    assert format_quantity(Quantity(50e6, "Pa", (40e6, 65e6))) == "50.00 MPa [40.00, 65.00]"
+    assert format_quantity(Quantity(50e9, "Pa", (40e9, 65e9))) == "50.00 GPa [40.00, 65.00]"
+    assert format_quantity(Quantity(2.0, "1", (1.5, 3.0))) == "2.000 [1.500, 3.000]"
+
+
+def test_no_table_of_the_report_loses_a_last_zero(fit: FitRecord, tensile: TensileRecord, shown: Shown) -> None:
+    modulus = Quantity(46.5e3, "Pa", (46.4e3, 46.61e3))
+    cause = Cause("tilt", 0.75, 1.0, "deg", -2.0, "a picture from above")
+    round_fit = replace(fit, initial_shear_modulus=modulus, parameters={"mu": modulus}, causes=(cause,))
+    laws = table_of_laws([shown(round_fit), shown(replace(tensile, rmse_Pa=1200.0))], True).texts()
+    assert laws[0][2:4] == ["46.50 kPa [46.40, 46.61]", "mu = 46.50 kPa [46.40, 46.61]"]
+    assert laws[1][4] == "RMSE 1.20 kPa"
+    causes = table_of_causes([shown(round_fit)])
+    assert causes is not None
+    assert causes.texts()[0][2:5] == ["0.75", "+1.0 deg", "-2.0 %"]
+    published = table_of_published(SimpleNamespace(shown=shown(round_fit), how="yeoh"), "Dragon Skin 30")  # type: ignore[arg-type]
+    assert published is not None
+    assert published.texts()[1][:2] == ["339 kPa", "7.3"]
 
 
 @pytest.fixture
