@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 _RASTER_DPI = 220  # resolution of photographs: twice that of a common screen
 _WHOLE = 14  # a table of at most so many lines is printed on one page
-_SHORT = 18  # a cell of at most so many letters stays on one line
+_SHORT = 24  # a cell of at most so many letters stays on one line
+_LINE = 32  # a line of so many letters in a cell of several lines is not broken
 _LONG = 24  # a word of more letters, such as a path, may be broken
 _PAGE_IN = 7.1  # width of a figure that fills the page, `eimi_lab.showing.drawing.WIDTH_IN`
 _NARROW = 0.75  # a figure of a smaller share of the page has its caption beside it
@@ -170,17 +171,23 @@ def _cell(cell: AnyCell) -> Markup:
     CSS classes mark the best value, long words, and cells in which all lines are short.
     """
     lines = _lines(cell)
-    shown = Markup("<br>").join(
-        Markup('{} <span class="held">not measured</span>').format(line.text)
-        if line.mark == "held"
-        else escape(line.text)
-        for line in lines
-    )
+    shown = Markup("<br>").join(_line(line, unbroken=len(lines) > 1 and len(line.text) <= _LINE) for line in lines)
     longest = max((len(word) for line in lines for word in line.text.split()), default=0)
     narrow = all(len(line.text) <= _SHORT for line in lines)
     marks = {"best": any(line.mark == "best" for line in lines), "long": longest > _LONG, "short": narrow}
     classes = " ".join(name for name, has in marks.items() if has)
     return Markup('<td class="{}">{}</td>').format(classes, shown) if classes else Markup("<td>{}</td>").format(shown)
+
+
+def _line(line: Cell, unbroken: bool) -> Markup:
+    """Return one line of a cell as HTML, with a mark for a value that the data do not determine.
+
+    A browser does not break the line if `unbroken` is true.
+    """
+    shown = escape(line.text)
+    if line.mark == "held":
+        shown = Markup('{} <span class="held">not measured</span>').format(line.text)
+    return Markup('<span class="line">{}</span>').format(shown) if unbroken else shown
 
 
 def _text(cell: AnyCell) -> str:

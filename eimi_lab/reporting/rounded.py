@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from eimi_fitting.inference.evidence.quantity import Quantity
-from eimi_lab.showing.significant import significant
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """Return a value with its 95 % interval as text, with four digits; a pressure is given in kPa, MPa or GPa.
+    """Return a value with its 95 % interval as text; a pressure is given in kPa, MPa or GPa.
+
+    All three numbers are rounded to the second significant digit of half the width of the interval.
 
     Examples
     --------
@@ -19,7 +20,8 @@ def format_quantity(quantity: Quantity) -> str:
     '46.39 kPa [46.31, 46.50]'
     """
     scale, unit = _unit(quantity)
-    value, low, high = (significant(scale * number, 4) for number in (quantity.value, *quantity.interval_95))
+    places = _places(scale, quantity)
+    value, low, high = (f"{scale * number + 0.0:z.{places}f}" for number in (quantity.value, *quantity.interval_95))
     return f"{value}{unit and ' '}{unit} [{low}, {high}]"
 
 
@@ -36,14 +38,23 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
     """
     scale, unit = _unit(quantity)
     low, high = (scale * bound for bound in quantity.interval_95)
-    value, half = scale * quantity.value, 0.5 * (high - low)
-    places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
+    value, places = scale * quantity.value, _places(scale, quantity)
     ends = f"{low:.{places}f} to {high:.{places}f}{NO_BREAK}{unit}".strip()
     below, above = (100 * (end / value - 1) for end in (low, high))
     share = f"±{0.5 * (above - below):.2g}{NO_BREAK}%"
     if abs(above + below) > 0.1 * (above - below):
         share = f"{below:+.2g}{NO_BREAK}% to {above:+.2g}{NO_BREAK}%"
     return f"{value:.{places}f}{NO_BREAK}{unit}".strip(), f"{ends}, {share}".replace("-", "−")
+
+
+def _places(scale: float, quantity: Quantity) -> int:
+    """Return the number of decimals at which a quantity times `scale` is rounded.
+
+    The last decimal is the second significant digit of half the width of the interval.
+    """
+    low, high = quantity.interval_95
+    half = 0.5 * scale * (high - low)
+    return min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:

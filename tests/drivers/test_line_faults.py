@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 import pytest
+from pyvisa.constants import ResourceAttribute
 
 from eimi_drivers.clock import WallClock
 from eimi_drivers.emulators import CoilSupply, emulate, serve_pty, serve_tcp
@@ -45,6 +46,13 @@ def test_a_line_that_was_dropped_once_is_reopened_and_the_output_goes_off(serve,
         assert not coil.state.output
         assert coil.state.set_current_A == 0.0
         assert supply.measure().current_A == pytest.approx(0.0, abs=0.5)  # the line still works
+
+
+def test_a_message_on_a_socket_does_not_wait_for_the_acknowledgement_of_the_message_before() -> None:
+    with serve_tcp(emulate("scpi", CoilSupply(WallClock()))) as address, closing(VisaTransport(address)) as line:
+        for _ in range(2):
+            assert line._resource.get_visa_attribute(ResourceAttribute.tcpip_nodelay) == 1  # read from the socket
+            line.reopen()
 
 
 def test_a_dropped_hislip_line_is_an_error_of_the_instrument() -> None:

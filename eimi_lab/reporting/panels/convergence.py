@@ -12,19 +12,24 @@ from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Picture, Table
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
+from eimi_lab.showing.drawing import WIDTH_IN, Drawing, label, plain_logarithm
 
-_HEAD = ("law", "generations", "evaluations", "discarded", "polish", "final error", "stopped by", "seed", "time")
+_NARROW_IN = 4.8  # width of the figure with few fits, so narrow that its caption stands beside it
+_ABREAST = 6  # most fits in a legend below the figure
+_HEAD = (
+    *("law", "generations", "evaluations", "not converged", "unstable", "polish", "final error"),
+    *("stopped by", "seed", "time"),
+)
 _CAPTION = (
-    "The CMA-ES search of each fit. Polish: the mean error before and after the Gauss-Newton refinement, on the mesh "
-    "and with the planar section of the search. Final error: the mean error with the corrections for a finer mesh and "
-    "for the solid section."
+    "The CMA-ES search of each fit. Not converged and unstable: the numbers of discarded candidates. Polish: the mean "
+    "error before and after the Gauss-Newton refinement, on the mesh and with the planar section of the search. Final "
+    "error: the mean error with the corrections for a finer mesh and for the solid section."
 )
 
 
 def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
     """Draw the smallest mean error of each search against the generation."""
-    drawing = Drawing(3.2)
+    drawing = Drawing(2.6, WIDTH_IN if len(fits) > _ABREAST else _NARROW_IN)
     axes = drawing.subplots()
     for shown in fits:
         if isinstance(shown.fit, FitRecord):
@@ -34,9 +39,8 @@ def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     plain_logarithm(axes)
     label(axes, "generation", "smallest mean error, µm")
-    drawing.legend(
-        loc="outside right upper" if len(fits) > 6 else "outside lower center", ncols=1 if len(fits) > 6 else 3
-    )
+    many = len(fits) > _ABREAST
+    drawing.legend(loc="outside right upper" if many else "outside lower center", ncols=1 if many else 2)
     return drawing
 
 
@@ -47,7 +51,8 @@ def table_of_searches(fits: Sequence[ShownFit]) -> Table:
             shown.label,
             str(fit.generations),
             str(fit.evaluations),
-            f"{fit.discarded.unconverged} candidates did not converge, {fit.discarded.unstable} were unstable",
+            str(fit.discarded.unconverged),
+            str(fit.discarded.unstable),
             f"{1e3 * fit.polish.mean_error_before_mm:.2f} to {1e3 * fit.polish.mean_error_after_mm:.2f} µm",
             f"{1e3 * fit.mean_error_mm:.2f} µm",
             fit.stop,

@@ -19,10 +19,11 @@ from eimi_lab.reporting.contents import DatasetContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import DatasetPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, by_field, label, plain_logarithm
+from eimi_lab.showing.drawing import WIDTH_IN, Drawing, by_field, label, plain_logarithm
 
 Array = NDArray[np.float64]
 
+_NARROW_IN = 4.8  # width of the figure of one fit, so narrow that its caption stands beside it
 _LOG_FROM = 20  # ratio of the largest to the smallest mean error from which the axis is logarithmic
 _SPREAD = 0.5  # width over which the fits of one state are spread, as a fraction of the smallest gap between states
 
@@ -41,7 +42,7 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
     means = [float(s.error_mm.mean()) for s in predictions]
     logarithmic = max(means) > _LOG_FROM * max(min(means), 1e-9)
     several = len(predictions) > 1
-    drawing = Drawing(3.4 if several else 2.8)
+    drawing = Drawing(3.0, WIDTH_IN) if several else Drawing(2.1, _NARROW_IN)
     axes: Axes
     axes, *below_axes = np.atleast_1d(
         drawing.subplots(1 + several, 1, sharex=True, height_ratios=[3, 2] if several else [1])

@@ -15,8 +15,9 @@ from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.panels.error_against_field import legend_of_fits
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, label, plain_logarithm
+from eimi_lab.showing.drawing import WIDTH_IN, Drawing, label, plain_logarithm
 
+_NARROW_IN = 4.8  # width of the figure of one dataset, so narrow that its caption stands beside it
 _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axis is logarithmic
 
 
@@ -28,7 +29,7 @@ def drawn_boxes(report: ReportContents) -> Drawing:
     """
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)
-    drawing = Drawing(2.3 * rows + 0.6)
+    drawing = Drawing(2.0 * rows + 0.5, WIDTH_IN if columns > 1 else _NARROW_IN)
     grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     medians, drawn = [], {}
     for axes, contents in zip(grid, report.datasets, strict=False):

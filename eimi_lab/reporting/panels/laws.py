@@ -41,14 +41,20 @@ _INTERVALS = (
 def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
     """Return a table of parameters, misfit and largest stretch in the data, with a row for each fit.
 
-    If `bending` is true, a note on the intervals of bending fits is added.
+    If `bending` is true, a note on the intervals of bending fits is added. If all laws were fitted to the same kind of
+    data, the caption names these data, and the table has no column for them.
     """
     rows = [
         (s.fit.model, s.origin, _modulus(s.fit), _parameters(s.fit), _misfit(s.fit), f"{s.fit.max_stretch:.3f}")
         for s in fits
     ]
     notes = [_NOTE, _INTERVALS] if bending else [_NOTE]
-    return Table("laws", "The result of each fit.", _HEAD, rows, notes)
+    origins = {shown.origin for shown in fits}
+    if len(origins) > 1:
+        return Table("laws", "The result of each fit.", _HEAD, rows, notes)
+    without_origin = [(law, *result) for law, _, *result in rows]
+    caption = f"The result of each fit. Fitted to: {origins.pop()}."
+    return Table("laws", caption, (_HEAD[0], *_HEAD[2:]), without_origin, notes)
 
 
 def table_of_choice(choices: Sequence[Choice]) -> Table:

@@ -21,6 +21,7 @@ from eimi_lab.showing.palette import MEASURED, PALETTE
 Array = NDArray[np.float64]
 
 _STATES = 3
+_WIDTH_IN = 5.2  # width of the figure, so narrow that its caption stands beside it
 _ARROWS = 40  # on each edge
 _LONGEST = 0.9  # length of the arrow of a large residual, as a fraction of the beam's width
 _LARGE = 0.95  # quantile of the residuals that counts as a large one
@@ -73,7 +74,7 @@ def drawn_residuals(contents: DatasetContents, simulated: Prediction[ShownFit]) 
     outlines = [contents.dataset.upright(simulated.edges_mm[k]) for k in chosen]
     everywhere = np.concatenate([outline.reshape(-1, 2) for outline in outlines])
     span = np.ptp(everywhere, axis=0) + 2 * width
-    drawing = Drawing(float(np.clip(7.1 / len(chosen) * span[1] / span[0] + 0.8, 2.0, 3.6)))
+    drawing = Drawing(float(np.clip(_WIDTH_IN / len(chosen) * span[1] / span[0] + 0.8, 1.8, 2.9)), _WIDTH_IN)
     grid = np.atleast_1d(drawing.subplots(1, len(chosen), sharex=True, sharey=True))
     for axes, k, outline, (places, vectors) in zip(grid, chosen, outlines, residuals, strict=True):
         left, right = outline

@@ -55,7 +55,7 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     """
     origins = list(dict.fromkeys(shown.origin for shown in fits))
     several = len(fits) > 1
-    drawing = Drawing(2.1 * len(origins) + 1.5 * several + 0.6)
+    drawing = Drawing(1.7 * len(origins) + 1.2 * several + 0.5)
     rows = len(origins) + several
     heights = [1.0] * len(origins) + [0.7] * several
     grid = drawing.subplots(rows, len(MODES), sharex=True, sharey="row", squeeze=False, height_ratios=heights)
