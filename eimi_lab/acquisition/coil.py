@@ -149,7 +149,7 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Start the time limit of the ramp down (of the current to zero) now, or `ago_s` (s) before now.
+        """Start the time limit of the ramp of the current to zero now, or `ago_s` seconds before now.
 
         Only the first call has an effect.
 

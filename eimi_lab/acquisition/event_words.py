@@ -326,12 +326,13 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a sentence that confirms to a person who pressed STOP on the page that the coil is off.
+    """Return a sentence that confirms that the coil is off, after a person pressed STOP on the web page.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil. Only an `OffConfirmed` adds how the coil was confirmed off.
+        The last event about the coil. If it is an `OffConfirmed`, the sentence also says how the coil was confirmed
+        off.
     seconds : float
         Time from STOP to the confirmation, s.
     """

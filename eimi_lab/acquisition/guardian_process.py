@@ -230,9 +230,9 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     ward : Ward
         The supply of the coil: its driver, address, limits and identity.
     was_on : set of bool
-        Receives True if this attempt finds the output on, as the run left it, or measures a current above the limit.
-        While the set is empty, the supply that answers may be another supply of the same type. This does not apply to a
-        supply with a serial number, nor to a supply on a pseudo-terminal.
+        Receives True if this attempt finds the output on, as the run left it, or measures a current above the limit. If
+        the set is empty at the end, the supply that answered may be another supply of the same type, and the coil does
+        not count as off. A supply with a serial number or on a pseudo-terminal is recognised in any case.
 
     Returns
     -------

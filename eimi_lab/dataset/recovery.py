@@ -322,8 +322,8 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
     """Remove damaged frames from a dataset, and return the numbers of the states (load steps) of these frames.
 
-    The states get the flag (mark) DROPPED. ``damaged`` contains the row numbers of the damaged frames in the array of
-    all frames. A state whose frames are all damaged gets one black frame.
+    The states get the flag (name of a defect) DROPPED. ``damaged`` contains the row numbers of the damaged frames in
+    the array of all frames. A state whose frames are all damaged gets one black frame.
     """
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]

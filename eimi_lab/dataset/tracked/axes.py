@@ -27,9 +27,9 @@ PIXEL = "px"
 class Placing:
     """Information from the user that is needed to convert tracked points into the beam frame.
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. Give either
-    ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, also give ``unit`` if the file does not contain
-    its unit.
+    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The user gives either
+    ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, the user also gives ``unit`` if the file does
+    not contain its unit.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """Return the possible error (px) of the softer edge if this edge is the border of the beam's own shadow.
+    """Return the possible error (px) of the more blurred edge if this edge is the border of the beam's own shadow.
 
     Both edges of one body are about equally far from the lens, and therefore equally blurred. The border of a shadow is
     additionally blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border
@@ -40,8 +40,8 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     Returns
     -------
     float
-        The larger of two values: the blur of the softer edge, and the excess of the measured width over the nominal
-        width. 0 if no edge looks like the border of a shadow.
+        The larger of two values: the blur of the more blurred edge, and the excess of the measured width over the
+        nominal width. 0 if no edge looks like the border of a shadow.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])

@@ -16,7 +16,7 @@ _HALO = 0.12  # widths around a reflection that are replaced too
 
 
 def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
-    """Replace clipped lines and spots that are narrower than a third of the beam by the colours around them.
+    """Replace saturated lines and spots that are narrower than a third of the beam by the colours around them.
 
     Parameters
     ----------

@@ -109,9 +109,9 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
     """Return, at each of n stations, whether the region between an edge and a border has a hue like the surroundings.
 
-    A station is a place along the beam. The hue of the region differs from the hue of the surroundings by less than
-    half as much as the hue of the beam does. A shadow has such a hue, because the beam throws only a part of its colour
-    into the shadow.
+    A station is a place along the beam. The hue of the region counts as similar if its distance from the hue of the
+    surroundings is less than half of the distance between the hues of the beam and of the surroundings. A shadow has
+    such a hue, because the beam throws only a part of its colour into the shadow.
     """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]

@@ -136,7 +136,7 @@ class BeamTracker:
                           (places + aside)[::-1]])  # fmt: skip
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the edges and the centre line of the beam in the next frame; mostly NaN if no beam is detected."""
+        """Return the edges and the centre line of the beam in the next frame; mostly NaN points if no beam is found."""
         grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
