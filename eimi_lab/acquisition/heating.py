@@ -126,8 +126,8 @@ class Warming:
 def refuse_overheating(protocol: Protocol, rating: CoilRating) -> None:
     """Raise InputError if a protocol could overheat the coil.
 
-    The largest predicted heat of the coil in a run is compared with its heat at the continuous current, which the coil
-    withstands without a time limit.
+    The largest predicted heat of the coil in a run is compared with the heat at the continuous current (the current
+    that the coil withstands without a time limit).
     """
     worst = hottest(protocol, rating)
     if worst.share > 1:

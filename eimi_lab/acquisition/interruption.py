@@ -32,7 +32,7 @@ class Heeded(Protocol):
     def switch_off_in_haste(self) -> None:
         """Switch the coil off, at most once, if a second signal has come or the current is wrong.
 
-        The operation continues. The method raises no error.
+        The operation that called this method continues. The method raises no error.
         """
 
 

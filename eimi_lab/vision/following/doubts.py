@@ -66,8 +66,8 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
     """Return the share of the length of an edge on which the reflection of a lamp lies.
 
-    The larger of the shares of the two edges is returned. At a reflection, the picture is clipped at the edge, but
-    neither in the middle of the beam nor in the surroundings.
+    The larger of the shares of the two edges is returned. At a reflection, the picture is clipped (saturated) at the
+    edge, but neither in the middle of the beam nor in the surroundings.
     """
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)

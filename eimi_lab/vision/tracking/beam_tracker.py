@@ -191,10 +191,10 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Return the centre line of the band (a strip as wide as the beam) near a curve that contrasts with both sides.
+        """Return the centre line of the beam near a curve: the middle of the band that contrasts with both its sides.
 
-        reach: largest distance between the band and the curve, in beam widths. Return None if the band is detected at
-        too few points.
+        A band is a strip as wide as the beam. reach: largest distance of the band from the curve, in beam widths.
+        Return None if the band is detected at too few points.
         """
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)
