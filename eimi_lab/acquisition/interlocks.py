@@ -14,7 +14,7 @@ from eimi_lab.config.interlock import READINGS, Interlock
 
 
 class BeyondInterlock(InstrumentError):
-    """The error that is raised if a reading is missing or outside its interlock (the bounds in the rig file)."""
+    """The error that is raised if a reading is missing or outside its bounds (its interlock in the rig file)."""
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
