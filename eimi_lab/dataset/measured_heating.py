@@ -78,7 +78,7 @@ class MeasuredHeating:
 
     @property
     def in_words(self) -> str:
-        """The measured temperatures, and how well the thermal model of the coil agrees with them, as text for the user."""
+        """The measured temperatures, and whether the thermal model of the coil agrees, as text for the user."""
         words = (
             f"{self.lowest_degC:.1f} to {self.highest_degC:.1f} °C ({self.sensor}); the thermal model of the coil "
             f"agrees within {self.rms_K:.2g} K (root mean square) and gives a rise of {self.continuous_rise_K:.3g} K "

@@ -223,7 +223,7 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return the largest motion (px) of a point of the beam since the last frame, as a limit for the motion blur."""
+        """Return the largest motion (px) of a point of the beam since the last frame, as a bound of the blur."""
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
