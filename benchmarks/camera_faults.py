@@ -46,7 +46,7 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a table row for one share of lost packets: received, wrong and lost frames, and the time of a frame.
+    """Return a table row for one share of lost packets: received, wrong and lost frames, and the time for one frame.
 
     `size_px` is the width and height of the frames, px. `share` is the share of lost packets, 0 to 1.
     """

@@ -17,14 +17,14 @@ Two simplifications make this number of experiments affordable:
   anywhere in the middle half of their ranges. All later steps are the same as in `eimi fit`: the corrections for mesh
   and solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random
   draws of the interval.
-- The depth effect, the difference between the solid and the planar model, is solved once for each law and nominal
+- The depth effect, the difference between the solid and the planar model, is computed once for each law and nominal
   specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
   of the deflection, and the drawn values change the effect by a few hundredths.
 
-A row of the table is right if 93 to 97 % of the intervals contain the true value, within the statistical error of the
-number of experiments, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column "drawn"
-shows how much of the statistical error is due to the drawn sources. For each experiment, the drawn deviations are
-multiplied by their effects in the budget and summed. The column gives the share of experiments in which this sum is
+A row of the table is right if 93 to 97 % of the intervals contain the true value, within the statistical error that the
+number of experiments permits, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column
+"drawn" shows how much of the statistical error is due to the drawn sources. For each experiment, the drawn deviations
+are multiplied by their effects in the budget and summed. The column gives the share of experiments in which this sum is
 within 1.96 standard deviations.
 """
 

@@ -55,7 +55,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class Curve:
-    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the number of all Newton iterations."""
+    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the total number of Newton iterations."""
 
     tip: Array
     iterations: int

@@ -289,7 +289,9 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 class Place:
     """The rank of the true cause among the compared causes of one fit.
 
-    A bench with two imperfections has two true causes.
+    A fit lists the possible causes of its residuals by their probability. A bench with two imperfections has two true
+    causes. Causes that change the residuals in nearly the same way form a class, because the residuals do not
+    distinguish these causes.
 
     Attributes
     ----------
@@ -298,8 +300,8 @@ class Place:
     second : bool
         True if the true cause is among the first two causes, or if the two true causes are among the first three.
     declared : bool
-        True if `first` is true, or if the true cause is listed as similar to the first cause. For two true causes:
-        also true if each of the first two classes of similar causes contains a true cause.
+        True if the fit names the true cause as possible: `first` is true, or the first class in the list contains the
+        true cause. For two true causes, each of the first two classes must contain a true cause.
     wrong : float
         Largest probability that the fit gives to a cause that is not true.
     """
@@ -341,8 +343,8 @@ def ranked(fit: Fit, cause: str) -> str:
 def summary(places: Sequence[Place]) -> str:
     """Return lines of text that say in how many fits each condition is met.
 
-    The conditions are: the true cause has rank 1, has rank 1 or 2, is similar to the first cause, and a wrong cause has
-    a probability above 0.9.
+    The conditions are: the true cause has rank 1, has rank 1 or 2, is in the same class as the first cause (the
+    residuals do not distinguish the two), and a wrong cause has a probability above 0.9.
     """
     counts = {
         "first": sum(place.first for place in places),

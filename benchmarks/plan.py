@@ -4,7 +4,7 @@
 
 Each experiment is a virtual measurement, as in `benchmarks.coverage`. A state is one load step with its field. A plan
 may also choose the mounting (the direction of gravity), the weight at the tip and the specimen. The true value of every
-source of uncertainty in the bench examples is drawn at random. The true beam is simulated on a finer mesh, and its
+uncertain input in the bench examples is drawn at random. The true beam is simulated on a finer mesh, and its
 edges get white and correlated noise. The fit knows only the nominal values. A first run has equally spaced fields, and
 the plan uses only the fit of this run. Planned states and the same number of equally spaced states are then measured.
 The table compares the half-widths of the 95 % intervals of the initial shear modulus.
@@ -38,7 +38,7 @@ def row(
     after : sequence of Setting
         The mountings and specimens from which the plan chooses.
     bench : Bench
-        The sources of uncertainty and the noise of the bench.
+        The uncertainties of the inputs of the bench, and the noise of its edges.
     states : int
         The number of states of each run.
     runs : int

@@ -2,7 +2,8 @@
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-The error is given without and with a correction: the difference between a fine and a coarse mesh of the planar model.
+For each mesh the script prints two errors: the error of the solid model alone, and the error that remains after a
+correction. The correction adds the change of the tip's rotation that a finer mesh causes in the planar model.
 """
 
 from __future__ import annotations

@@ -8,12 +8,12 @@ drawn at random with their usual standard uncertainties: 3 degrees for the direc
 shape at rest, 0.02 mm for the taper, and the usual values (`Source.usual`) for the background field, the gradient of
 the coil's field, scale, clamp, angles and dimensions. The edges get noise; no pictures are rendered.
 
-Some experiments, evenly over all beams and levels of noise, are fitted in full. A full fit has the same local
-optimisation, corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`.
-The other experiments are fitted quickly. A quick fit minimises the same objective. The quick fit uses beams that were
-solved once for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit
-has the mean width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick
-fits of the same experiments.
+Some experiments of every beam and every level of noise are fitted in full. A full fit has the same local optimisation,
+corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`. The other
+experiments are fitted quickly. A quick fit minimises the same objective. The quick fit uses beams that were solved once
+for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit has the mean
+width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick fits of the
+same experiments.
 """
 
 from __future__ import annotations

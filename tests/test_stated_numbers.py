@@ -1,4 +1,4 @@
-"""Every number that a module of drivers, acquisition or intervals names, and every number that is a default, is stated.
+"""This file lists every named number of the drivers, of acquisition and of the intervals, and every numerical default.
 
 A change of one of these numbers changes what a user sees, or how long a user waits. Whoever changes a number or adds
 one states it here, with its reason or its source. `tests/lab/test_stated_times.py` compares the numbers of a run with

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 def _beside(measured: list[Array], simulated: Array) -> float:
-    """Return the mean y of both simulated edges at the place of the last measured points, mm.
+    """Return the mean y (mm) of the two points of the simulated edges nearest to the last measured points.
 
     Parameters
     ----------

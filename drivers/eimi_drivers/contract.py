@@ -1,6 +1,6 @@
 """Check that drivers and instruments have the members that `eimi_drivers.interfaces` requires.
 
-If a driver lacks several members, one error with a message of one line names all of them.
+If a driver lacks several members, one error names all missing members in a message of one line.
 """
 
 from __future__ import annotations

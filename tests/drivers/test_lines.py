@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 class Port:
-    """A serial port that returns prepared pieces of an answer, one for each read, and keeps what is written."""
+    """A serial port that returns prepared pieces of an answer, one for each read, and records what is written."""
 
     def __init__(self, *pieces: bytes, unread: bytes = b"") -> None:
         self.pieces, self.unread = list(pieces), unread
@@ -248,7 +248,7 @@ def test_a_port_is_closed_before_it_is_reopened_and_a_pseudo_terminal_is_not(ope
 
 
 class Resource:
-    """A VISA resource that keeps the calls of its methods, and raises a prepared error."""
+    """A VISA resource that records the calls of its methods, and answers or raises an error as prepared."""
 
     def __init__(self) -> None:
         self.timeout: float | None = None

@@ -27,7 +27,7 @@ IMAGE = np.arange(48, dtype=np.uint8).reshape(6, 8)
 
 
 class Capture:
-    """A replacement for `cv2.VideoCapture` with `frames` frames, which keeps the written properties in their order."""
+    """A replacement for `cv2.VideoCapture` with `frames` frames, which records the written properties in order."""
 
     backend = "V4L2"
     is_open = True
@@ -66,7 +66,10 @@ class Capture:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """A function that opens a source with the replacement, without a thread, and returns the capture of the driver."""
+    """A function that opens a camera device or a video file, for which the replacement `Capture` answers.
+
+    The function returns the object with which the driver reads the frames. No thread is started.
+    """
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     monkeypatch.setattr(cv2, "VideoCapture", Capture)
 
@@ -233,7 +236,7 @@ def test_an_error_of_opencv_ends_the_frames_and_releases_the_device(
 
 
 class Slow:
-    """A source whose frames the test hands over one by one, without a thread that reads them."""
+    """A camera device whose frames the test delivers one by one, without a thread that reads them."""
 
     def __init__(self) -> None:
         self.time_s = 0.0

@@ -1,4 +1,8 @@
-"""Drivers, recordings, settings and emulated instruments have some further properties on which users rely."""
+"""Small properties of drivers, recordings, settings and emulated instruments on which users rely.
+
+Examples are the order of the files in an image series, the rounding of set-points, and the address of a supply that was
+unplugged.
+"""
 
 from __future__ import annotations
 

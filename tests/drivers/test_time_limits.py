@@ -33,7 +33,10 @@ LIMITS = Limits(1.0, 12.0)
 
 
 class Timed:
-    """A line that keeps the time of each message, and answers or raises errors as prepared."""
+    """A line (connection to an instrument) that records each message with the time at which it was sent.
+
+    Every read returns `answer` or raises `error`. If neither is set, a read times out.
+    """
 
     def __init__(self, clock: SimulatedClock, answer: bytes = b"") -> None:
         self.address = "somewhere"
@@ -213,7 +216,7 @@ def test_the_true_current_is_reported_when_it_changes(
 
 
 class Producer:
-    """A GenTL camera with prepared frames; None among the frames is a wait in which no frame arrives."""
+    """A GenTL camera that delivers frames with the given numbers; for None, a wait ends without a frame."""
 
     def __init__(self, settings: CameraSettings, *numbers: int | None) -> None:
         self.waiting = list(numbers)

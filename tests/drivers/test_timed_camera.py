@@ -136,9 +136,9 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """After a sleep of the computer, the error of the caller is raised instead of the timeout of the camera.
+    """If the computer slept during a call of the camera, the run reports the sleep instead of a timeout of the camera.
 
-    The time limit has passed during the sleep, although the camera caused no delay.
+    The time limit of the call has passed during the sleep, although the camera caused no delay.
     """
     inner, now = StubbornCamera("grab"), [0.0]
 

@@ -1,4 +1,4 @@
-"""Fixtures: commands that run in this process to save the start of a program, and datasets of a tracked strip."""
+"""Fixtures: commands that run in this process, which is faster than a new process, and datasets of a tracked strip."""
 
 from __future__ import annotations
 

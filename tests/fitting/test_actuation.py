@@ -1,4 +1,7 @@
-"""New kinds of load are one class each, outside of the package: they bend planar and solid beams, and can be fitted."""
+"""A user adds a new kind of load by one class, without a change of the package.
+
+The new load bends planar and solid beams, and fits can use it.
+"""
 
 from __future__ import annotations
 

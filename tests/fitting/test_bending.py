@@ -1,4 +1,4 @@
-"""`Beam(specimen).solve` computes the shapes of a beam for one set of parameters of a law or many.
+"""`Beam(specimen).solve` computes the shapes of a beam for one or several sets of parameters of a law.
 
 The section of the specimen, "solid", "plane-stress" or "plane-strain", selects the solid or a planar model of the beam.
 """

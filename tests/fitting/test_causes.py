@@ -53,7 +53,7 @@ def fit_of(
     is_rest_measured: bool = False,
     last: int | None = -2,
 ) -> Fit:
-    """Return the fit of the beam as its file describes it to the edges of a true beam.
+    """Return a fit to the edges of a true beam, which differs from the description in the files that the fit uses.
 
     specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
     stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.

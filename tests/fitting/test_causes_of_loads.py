@@ -1,4 +1,7 @@
-"""Each possible cause of residuals that concerns the loads or the law changes them as its description says."""
+"""Test the possible causes of residuals that are errors of the loads or of the law, such as a wrong field.
+
+Each of these causes changes the simulated loads or the simulated law as the description of the cause says.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the function `replace`, which the tested module uses, also change objects of the two classes above."""
+    """Let the function `replace` in the tested module also change objects of `SimpleExperiment` and `Loaded`."""
 
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):

@@ -161,7 +161,7 @@ def test_magnetised_silicone_in_a_wide_coil_bends_as_in_a_uniform_field(model):
 
 
 def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever():
-    """A field gradient bends a thin beam by the force on its magnet, F = m dB/dx, by F L^3 / (3 E I).
+    """A field gradient exerts the force F = m dB/dx on a magnet, which deflects a thin beam by F L^3 / (3 E I).
 
     The field is parallel to the moment m, so that it exerts no torque.
     """

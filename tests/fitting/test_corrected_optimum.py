@@ -1,4 +1,7 @@
-"""The local optimisation of a fit reaches the optimum, also from parameters that are unstable on the finer mesh."""
+"""The local optimisation of a fit reaches the optimum on the finer mesh, with which a fit corrects its result.
+
+This is also the case if the search has ended at parameters that are stable on the coarse mesh only.
+"""
 
 from __future__ import annotations
 

@@ -18,7 +18,12 @@ LOG_RANGE = np.log(100.0)
 
 
 def effect(moved: list[float], share: float, change: float, least_percent: float = 0.0, name: str = "finer") -> Any:
-    """Return the effect of a better beam model that moves the optimum by `moved` and the score by `change`."""
+    """Return the effect on a fit of a better beam model, such as a finer mesh.
+
+    moved: change of the unknowns at the optimum. share: share of this change that remains uncertain. change: change of
+    the score, the derivative of the log-likelihood with respect to the modulus. least_percent: smallest bound of the
+    remaining error of the modulus (%). name: name of the better model.
+    """
     return SimpleNamespace(
         moved=np.array(moved),
         remaining_share=share,
@@ -43,7 +48,11 @@ def test_the_share_of_a_correction_that_remains_uncertain_bounds_the_errors_of_a
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_error_of_the_modulus_is_at_least_that_with_the_other_unknowns_fixed(sign: float) -> None:
-    """With the other unknowns fixed, a score of 5 moves the modulus by 5 / 50, of which half remains uncertain."""
+    """The bound of the error of the modulus is at least the bound with all other unknowns fixed.
+
+    With the other unknowns fixed, a score (derivative of the log-likelihood) of 5 and a second derivative of 50 move
+    the modulus by 5 / 50. Half of this change remains uncertain.
+    """
     model_errors, modulus_errors = bounds(effect([0.02, 0.0], 0.5, sign * 5.0))
     assert np.hypot(model_errors[0, 0], modulus_errors[0]) == pytest.approx(0.05)
     assert modulus_errors[0] == pytest.approx(np.sqrt(0.05**2 - 0.01**2))

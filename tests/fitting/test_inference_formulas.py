@@ -437,7 +437,7 @@ class Observed:
 
 @pytest.fixture
 def deflected(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """The largest deflection in mm of every experiment."""
+    """A dictionary whose value `mm` is the largest deflection (mm) of every experiment; a test can change the value."""
     largest = {"mm": 10.0}
     monkeypatch.setattr(checks, "deflection_mm", lambda experiment: largest["mm"])
     monkeypatch.setattr(
@@ -577,9 +577,9 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
 def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
     """Return minus the log-likelihood with priors, up to a constant, after a step of the two unknowns.
 
-    The first unknown has the prior of the bounds, centred on the optimum. The second unknown is a nuisance
-    (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum. law_prior:
-    whether the prior on the law is included.
+    The first unknown has a weak normal prior, which stands for the bounds of the search. The second unknown is a
+    nuisance (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum.
+    law_prior: whether the prior on the law is included.
     """
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
@@ -631,7 +631,8 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
     """The deviance of a profile likelihood with residuals that are linear in two unknowns, and its linearisation.
 
-    The bounds of the search and the law have priors. A candidate with the first unknown above 0.9 is not valid.
+    Two priors are included: a prior on the law, and a weak prior that stands for the bounds of the search. A candidate
+    (values of the unknowns) is not valid if the first unknown is above 0.9.
     """
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
@@ -710,7 +711,11 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
     not_fixed: tuple[str, ...],
     at_bound: tuple[str, ...],
 ) -> None:
-    """The second unknown is a nuisance, an uncertain input that the fit determines; its prior limits it."""
+    """Only an unknown of the law can be reported as not determined by the data, or as being at a bound of the search.
+
+    The second unknown in this test is a nuisance, an uncertain input that the fit determines too. Its prior, and not
+    the bounds of the search, limits it.
+    """
     given: dict[str, Any] = {}
     monkeypatch.setattr(estimate, "statement", lambda *arguments: given.update(statement=arguments) or "words")
     monkeypatch.setattr(estimate, "held_by_bounds", lambda *arguments: given.update(held=arguments) or np.array([True]))

@@ -3,8 +3,8 @@
 The angle can be found if both signs of the current were measured. Otherwise it widens the interval of the modulus.
 
 The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
-rotation of a uniform field. In an independent solid model of 27-node hexahedra, three degrees change the modulus of
-this beam by 10 per cent at one polarity.
+rotation of a uniform field. According to an independent solid model of 27-node hexahedra, an ignored angle of three
+degrees changes the fitted modulus of this beam by 10 per cent if only one sign of the current was measured.
 """
 
 from __future__ import annotations

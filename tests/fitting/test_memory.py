@@ -1,4 +1,4 @@
-"""With the number of states (load steps), only the memory for the results grows, and not for temporary arrays."""
+"""More states (load steps) need more memory for the results only, and not for temporary arrays."""
 
 from __future__ import annotations
 

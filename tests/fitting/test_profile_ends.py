@@ -38,7 +38,11 @@ def quadratic(half: float) -> Callable[[Array], Array]:
 
 
 def ends_of(deviance: Callable[[Array], tuple[Array, Array]], checked: tuple[int, ...] = (0, 1)) -> Ends:
-    """Return the ends for a Hessian that belongs to deviances of 4 at the distances `HALF`."""
+    """Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
+
+    The first guess of the ends is at the distances `HALF` from the optimum. checked: the coordinates whose ends are
+    compared with `deviance` and corrected if necessary.
+    """
     return interval_ends(deviance, OPTIMUM, np.zeros(2), np.diag(4.0 / HALF**2), HALF, checked)
 
 
@@ -71,7 +75,10 @@ def test_only_the_checked_ends_are_compared_with_the_profile_likelihood() -> Non
 
 
 def test_the_ends_of_a_skew_deviance_have_the_deviance_of_the_end() -> None:
-    """The deviance rises exponentially, so that the lower end is farther away than the upper end."""
+    """Both ends of an interval are at the target of the deviance, 4, also if the deviance is not symmetric.
+
+    The deviance of this test rises exponentially, so that the lower end is farther away than the upper end.
+    """
     rate = 12.0
 
     def skew(away: Array) -> Array:
@@ -95,7 +102,11 @@ def test_an_end_that_is_not_reached_within_the_bounds_is_the_bound() -> None:
 
 
 def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
-    """The deviance is below 1 up to the distance 0.02 and infinite beyond, so that it is never 4, as at an end."""
+    """If the deviance never reaches the value of an end, 4, the end stays at the distance of the first guess.
+
+    The deviance of this test is below 1 up to the distance 0.02. Candidates (values of the unknowns) farther away are
+    not valid: their deviance is infinite.
+    """
 
     smooth = of_coordinates(quadratic(HALF[0]), quadratic(HALF[1]))
 

@@ -35,7 +35,10 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return a solid beam model and its shapes, on a mesh finer than the mesh of a fit in all three directions."""
+    """Return the solid model of the true beam, and the bent shapes of this beam under `LOADS`.
+
+    The mesh is finer than the mesh of a fit in all three directions.
+    """
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 

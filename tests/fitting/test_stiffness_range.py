@@ -44,7 +44,7 @@ def rod(forces_N: list[float], offset_mm: float = 0.0) -> Experiment:
 def gel(modulus_Pa: float) -> Experiment:
     """Return an experiment (beam model, loads, points) with a beam of this modulus (Pa).
 
-    The fields bend the beam as much as a silicone beam.
+    The fields are proportional to the modulus, so that every beam bends as much as a silicone beam of 46 kPa.
     """
     loads = Loads.along(np.array([0.0, 4.0, 7.0]) * modulus_Pa / 46e3, gravity_angle_deg=None)
     model = BeamModel(GEL).refined()

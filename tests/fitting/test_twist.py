@@ -1,4 +1,7 @@
-"""The twist of a beam whose magnet has a moment normal to the plane agrees with formulas and with a rod in space."""
+"""The twist of a beam whose magnetic moment is tilted out of the plane of bending agrees with independent results.
+
+The independent results are formulas, and a rod that bends and twists in three dimensions.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ def test_a_straight_beam_across_the_field_twists_as_a_bar_under_a_couple() -> No
 
 
 def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -> None:
-    """The critical force at the tip of a cantilever is 4.013 sqrt(A C) / L^2 (Prandtl 1899)."""
+    """The critical force at the tip of a cantilever is 4.013 sqrt(A C) / L^2 (Prandtl 1899).
+
+    A is the bending stiffness to the side, C the torsional stiffness, and L the length.
+    """
 
     def turns(load: float) -> bool:
         force = load * np.sqrt(OUT_OF_PLANE * TORSION) / LENGTH_M**2
@@ -45,7 +51,9 @@ def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -
 
 
 def test_a_bent_beam_twists_as_a_rod_in_space() -> None:
-    """A rod of rigid pieces in space, whose energy is minimised, gives the same twist for a small angle of the moment.
+    """The twist agrees with a chain of rigid pieces that bends and twists in three dimensions, at its least energy.
+
+    The magnetic moment is tilted out of the plane by a small angle.
 
     In the material frame of a piece, x is along the rod, y is in the plane and z is normal to the plane.
     """

@@ -139,7 +139,7 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """In simulated measurements with every source of uncertainty drawn, enough intervals contain the truth.
+    """In simulated measurements with random errors of all uncertain inputs, enough intervals contain the truth.
 
     With a probability of 1 in 1000, fewer than 6 of 8 or 88 of 100 correct 95 % intervals contain the truth. The short
     test uses neo-Hookean beams, one of them with a solid section; the long test uses all laws.

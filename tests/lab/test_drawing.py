@@ -1,4 +1,4 @@
-"""Figures are drawn as the bytes of image files."""
+"""A figure is turned into the bytes of image files (SVG, PNG); each file is drawn once."""
 
 from __future__ import annotations
 

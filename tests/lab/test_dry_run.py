@@ -208,7 +208,10 @@ def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that
 
 
 def test_the_camera_of_a_dry_run_shows_a_beam_at_rest_with_noise() -> None:
-    """The noise is larger than the rounding to whole grey levels, so that equal frames are no repetitions."""
+    """The frames of a dry run show a beam at rest with noise, so that they look like frames of a real camera.
+
+    The standard deviation of the noise is 2 grey levels.
+    """
     clock = SimulatedClock()
     camera = _BeamAtRest(clock)
     began_s = clock.now()

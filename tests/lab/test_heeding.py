@@ -510,7 +510,8 @@ def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
 ) -> None:
     """A calibration of the coil reads the field at constant currents, and ends with the coil off.
 
-    Each current is held for 0.5 s, and its five readings are 0.1 s apart. The gaussmeter reads 4 mT/A and 0.1 mT.
+    Each current is held for 0.5 s, and its five readings are 0.1 s apart. At the current I, the gaussmeter reads
+    4 mT/A times I plus 0.1 mT.
     """
     did: list[str] = []
     clock, coil = setup.bench.clock, setup.coil

@@ -30,7 +30,7 @@ def sides() -> np.ndarray:
 
 
 def edges_through_lens(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return noisy edges that a lens shows of a beam with depth: at each point, the outer one of near and far face.
+    """Return the noisy edges of a beam with depth as a lens shows them: the outline of near and far face together.
 
     sides: edges of the middle plane as in the fixture `sides`. stand_off_mm: distance of the lens; None for a
     telecentric lens.

@@ -1,4 +1,7 @@
-"""A line is fitted to the measured field over the current; measured fields and temperatures are imported and used."""
+"""A straight line is fitted to measured fields at several currents; measured fields and temperatures are imported.
+
+A fit then uses the imported values.
+"""
 
 from __future__ import annotations
 

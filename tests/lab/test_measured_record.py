@@ -72,7 +72,7 @@ def warmed(time_constant_s: float, rise_K_per_W: float = 8.0) -> tuple[SensorLog
     """Return the log of a thermometer at an emulated coil, and the current (A) of each state.
 
     The log has 20 readings in each state. time_constant_s, rise_K_per_W: thermal time constant of the coil, and its
-    heating for each watt.
+    rise of temperature for each watt.
     """
     clock = SimulatedClock()
     coil = CoilSupply(

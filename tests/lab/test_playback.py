@@ -51,7 +51,7 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """The recordings that were opened. The camera waits no time between two frames of one picture."""
+    """The recordings that were opened. If the camera shows one picture several times, it does not wait in between."""
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []
 

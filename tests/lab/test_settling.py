@@ -1,4 +1,4 @@
-"""The settling statistic, the difference of two frames over the camera noise, is 1 at rest and grows with motion."""
+"""The settling statistic, the difference of two frames divided by the noise, is 1 at rest and grows with motion."""
 
 from __future__ import annotations
 

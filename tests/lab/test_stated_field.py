@@ -1,6 +1,6 @@
 """The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused.
 
-A virtual bench obeys its files and the hidden differences from its files.
+A virtual bench has the field that its files give, and also the hidden differences from its files.
 """
 
 from __future__ import annotations

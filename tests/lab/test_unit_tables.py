@@ -116,7 +116,7 @@ def test_readings_of_a_supply() -> None:
 
 
 def test_quantities_of_sensors() -> None:
-    """The quantities of sensors have their units, and their names in the NeXus class NXsensor."""
+    """Each quantity that a sensor measures has the right unit, and the right name in the NeXus class NXsensor."""
     assert UNITS == {"field": "mT", "specimen_temperature": "degC", "coil_temperature": "degC"}
     assert MEASUREMENTS == {
         "field": "magnetic_field",
@@ -126,7 +126,10 @@ def test_quantities_of_sensors() -> None:
 
 
 def test_units_in_a_dataset() -> None:
-    """Every column of a dataset with a physical quantity has its unit; column names belong to the file format."""
+    """Every column of a dataset that contains a physical quantity is stored with the right unit.
+
+    The columns are given by their names in the file format.
+    """
     units = {"s": ("time", "timestamp", "elapsed"), "A": ("current", "set_current", "measured_current")}
     units |= {"mT": ("field",), "N": ("tip_force",)}
     expected = {column: unit for unit, columns in units.items() for column in columns}

@@ -129,7 +129,10 @@ def test_thin_silicone_beside_the_magnet(silicone_px, share):
 
 @pytest.mark.parametrize("row", ["3 px, silicone 30 %", "0.5 px, hard, 40 000 electrons"])
 def test_the_computed_deviation_beside_a_narrower_magnet_matches_the_scatter(row):
-    """The computed standard deviation agrees with the errors where two steps are close together in uneven light."""
+    """The computed standard deviation agrees with the errors where two edges are close together in uneven light.
+
+    They are the edge of the beam and the edge of a magnet that is narrower than the beam.
+    """
     optics, silicone_px, _ = BESIDE[row]
     magnet_mm = SPECIMEN.magnet.length_mm
     rows = measure(optics, (-75.0, -10.0, 20.0, 90.0), 2, 5, with_silicone_beside(silicone_px), 0.0, magnet_mm)

@@ -76,7 +76,7 @@ def test_the_position_of_the_clamp_is_checked_in_the_straight_state(straight_off
 def test_motion_adds_its_size_to_the_deviation_of_the_points(finding: str) -> None:
     """The flag (warning) of a moving beam adds the size of the motion to the standard deviation of the points.
 
-    The ratio compares two frames: their difference over the noise of the camera. A ratio of 2.3 corresponds to a motion
+    The ratio is the difference of two frames divided by the noise of the camera. A ratio of 2.3 corresponds to a motion
     of a fifth of a pixel.
     """
     (flag,) = judge({finding: 2.3})

@@ -136,7 +136,7 @@ def _glare(scene: Scene, picture: Array) -> Array:
 
 
 def _glare_at_edge(scene: Scene, picture: Array) -> Array:
-    """Paint the reflection of a lamp on one edge of the beam, over a third of the length."""
+    """Paint the reflection of a lamp on one edge of the beam, along a third of its length."""
     at, begin = scene.rng.choice([-0.45, 0.45]), scene.rng.uniform(0.1, 0.6)
     shine = coverage(scene.outline((begin, begin + 0.33), (at - 0.06, at + 0.06)), scene.size).astype(np.float32)
     return np.asarray(picture + 220.0 * cv2.GaussianBlur(shine, (0, 0), 0.04 * scene.width_px)[..., None])

@@ -66,8 +66,8 @@ class HiddenStrip:
     first_rad, second_rad : ndarray, shape (_STATIONS,)
         Change of this direction (rad) in the first and the second mode for each mm of deflection at the tip.
     rates : tuple of complex
-        Complex rates (1/s) of the first and the second mode: real part minus the decay, imaginary part the angular
-        frequency.
+        Complex rates (1/s) of the first and the second mode. The real part is the negative decay rate, and the
+        imaginary part is the angular frequency.
     """
 
     specimen: Specimen

@@ -149,9 +149,9 @@ def _light(rng: np.random.Generator) -> Array:
 class Outcome:
     """The quality of the edges in one photograph.
 
-    rms_px: root-mean-square error; pull: root mean square of error over standard uncertainty; coverage: share of the
-    length that the shorter edge covers. rms_px and pull are NaN for unusable edges. usable: whether a fit uses the
-    edges; doubtful: whether a flag (warning) marks the edges as doubtful.
+    rms_px: root-mean-square error; pull: root mean square of the errors divided by their standard uncertainties;
+    coverage: share of the length that the shorter edge covers. rms_px and pull are NaN for unusable edges. usable:
+    whether a fit uses the edges; doubtful: whether a flag (warning) marks the edges as doubtful.
     """
 
     kind: str

@@ -225,8 +225,8 @@ def _mean(values: Array) -> float:
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Summarise the rows of `measure` over all tip angles.
 
-    The summary contains bias and RMS error of each side (px), the largest error, the pull (RMS of error over standard
-    uncertainty) over all rows and its extremes over the rows, and the time (ms).
+    The summary contains bias and RMS error of each side (px), the largest error, the pull (the RMS of errors divided by
+    their standard uncertainties) of all rows together, its smallest and largest value in one row, and the time (ms).
     """
     summary = {name: float(np.nanmean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):

@@ -105,10 +105,10 @@ def even_stretch(name: str, along: float, across: float) -> float:
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
     """Twist a cube with side 1 about z by rotating its surface; return the inner error and the relative torque.
 
-    The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque over
-    the exact torque of a neo-Hookean cube. twist: angle (rad) for each unit of z. Pure torsion of an isotropic,
-    incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R. Soc. A 241:379). For a
-    neo-Hookean square of side a, the shear stress is mu twist r and the torque is mu twist a^4 / 6.
+    The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque
+    divided by the exact torque of a neo-Hookean cube. twist: angle (rad) for each unit of z. Pure torsion of an
+    isotropic, incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R. Soc. A 241:379).
+    For a neo-Hookean square of side a, the shear stress is mu twist r and the torque is mu twist a^4 / 6.
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)
@@ -145,9 +145,9 @@ def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
     """Inflate a thick cylinder in plane strain; return the errors of inner radius, displacement and pressure.
 
     The cylinder has inner radius 1 and outer radius 2, and one layer of elements in depth. stretch: inner radius after
-    over inner radius before the inflation. With the stretches la at the inner and lb at the outer radius, the exact
-    load is p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic Deformations, 5.3.3). The error of the
-    inner radius is relative; the errors of displacement and pressure are L2 norms.
+    the inflation. With the stretches la at the inner and lb at the outer radius, the exact load is p / mu = ln(la / lb)
+    + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic Deformations, 5.3.3). The error of the inner radius is relative;
+    the errors of displacement and pressure are L2 norms.
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))

@@ -58,8 +58,8 @@ NORMAL = 1.96
 class Case:
     """One simulated experiment; its number, from 0, selects law, noise, specimen and section (planar or solid).
 
-    is_usual: whether the experiment is a planar neo-Hookean beam, and every source of uncertainty has its usual
-    standard uncertainty instead of the value in the files of the example bench.
+    is_usual: whether the experiment is a planar neo-Hookean beam, and every uncertain input has its usual standard
+    uncertainty instead of the value in the files of the example bench.
     """
 
     number: int
@@ -95,10 +95,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one fit: the modulus, its 95 % interval, and the interval of the fit without uncertain values.
+    """The result of one fit: the modulus, its 95 % interval, and the 95 % interval from noise and mesh alone.
 
-    All three are divided by the true modulus. drawn: effect of all drawn deviations on the modulus, in standard
-    deviations of this effect. seconds: processor time.
+    All three are divided by the true modulus. `fit_alone` is the interval from noise and mesh alone, which leaves out
+    the uncertainties of the inputs. drawn: the change of the modulus by all errors of the inputs in this experiment,
+    which were drawn at random, divided by the standard deviation of such changes. seconds: processor time.
     """
 
     case: Case
@@ -169,9 +170,10 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
 
 
 def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) -> dict[str, Array]:
-    """Draw the deviation of every source of uncertainty for one experiment; each has shape (parts,), by source.
+    """Return random errors of all uncertain inputs for one experiment, by name of the input, each of shape (parts,).
 
-    A source has several parts if it concerns several values, for example x and y of a point.
+    `sources` are the uncertain inputs with their standard uncertainties. An input has several parts if it consists of
+    several numbers, for example x and y of a point.
     """
     return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in sources}
 
@@ -179,7 +181,7 @@ def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
     """Return an experiment with the nominal values of the files and with the edges of the true beam.
 
-    deviations: difference of the true values from the nominal values, by source of uncertainty.
+    deviations: difference of the true values from the nominal values, by the name of the uncertain input.
     """
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)
@@ -246,9 +248,11 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return the effect of all drawn deviations on the modulus, in standard deviations of this effect.
+    """Return the change of the modulus by the errors of all inputs, divided by the standard deviation of such changes.
 
-    The effect of each source is the slope of the modulus over this source in the random samples of the estimate.
+    The errors (`deviations`) were drawn at random for this experiment. In the random samples of the fit, the modulus
+    is fitted as a linear function of the errors of the inputs. The coefficients of this function, times the errors,
+    give the change.
     """
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
@@ -267,9 +271,9 @@ class Row:
     """Statistics of a group of experiments, in per cent except for the ratios `over_needed` and `over_needed_least`.
 
     held_percent: share of the intervals that contain the truth (coverage). chance_percent: its 95 % confidence
-    interval. drawn_percent: share of the experiments whose `Outcome.drawn` is within 1.96 standard deviations.
-    over_needed: half-width over the half-width that a coverage of 95 % needs; over_needed_least: lower bound of this
-    ratio.
+    interval. drawn_percent: share of the experiments in which `Outcome.drawn` is between -1.96 and 1.96.
+    over_needed: half-width of the intervals divided by the half-width with which 95 % would contain the truth;
+    over_needed_least: lower bound of this ratio.
     """
 
     name: str

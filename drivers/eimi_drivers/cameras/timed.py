@@ -59,7 +59,8 @@ class TimedCamera:
             no timeout.
         meanwhile : callable, optional
             A function that is called repeatedly in the caller's thread while a call of the camera runs. The function
-            may raise an error. The call of the camera then continues, and the next call begins after its end.
+            may raise an error. The present call of the camera then continues in its thread, and the next call waits
+            until the present call has ended.
 
         Raises
         ------

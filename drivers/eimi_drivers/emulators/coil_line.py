@@ -1,8 +1,8 @@
 """Send the true current of an emulated coil to a virtual beam in another process.
 
-The current is sent over a separate connection. The connection of the supply has only one user at a time, and carries
-the values of the meters instead of the true current. The answer to every received newline is the current in amperes and
-a newline.
+The current is sent over a separate connection, because the connection of the supply has only one user at a time, and
+carries the values of the meters instead of the true current. The answer to every received newline is the current in
+amperes and a newline.
 """
 
 from __future__ import annotations

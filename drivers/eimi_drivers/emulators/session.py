@@ -104,7 +104,8 @@ class EmulatedSession:
     def _watch(self) -> None:
         """Begin the fault at its time, and report changes of the current.
 
-        The method returns only with the fault REENUMERATE, when the line of the supply is cut.
+        The method returns only with the fault REENUMERATE, after which the supply must be served at another address.
+        With this fault it returns when the line of the supply is cut.
         """
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):

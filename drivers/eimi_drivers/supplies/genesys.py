@@ -1,7 +1,8 @@
 """Drive TDK-Lambda Genesys supplies over a serial line.
 
-Every message ends with a carriage return. The supply answers every command with ``OK``. Before the first use, compare
-the form of the answer to ``STT?`` and the bits of the fault register in this answer with the manual of your supply.
+Every message ends with a carriage return. The supply answers every command with ``OK``. Tripped protections are
+read from the fault register in the answer to ``STT?``. Before the first use, compare the form of this answer and the
+bits of the register with the manual of your supply: a wrong bit in `FAULTS` would hide a trip.
 """
 
 from __future__ import annotations

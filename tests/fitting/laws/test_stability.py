@@ -57,9 +57,10 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Return the smallest eigenvalue of the Hessian over the largest, at largest stretches up to 1 % beyond `limit`.
+    """Return the smallest eigenvalue of the Hessian, divided by the largest, at stretches up to 1 % beyond `limit`.
 
-    The states are isochoric; an eigenvalue near zero shows that the limit is right.
+    The stretch is the largest of three principal stretches of an isochoric state. A result near zero shows that
+    `limit` is the largest stretch up to which the law is stable.
     """
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)

@@ -110,7 +110,7 @@ def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
 def disturbed(motion: Motion, added_mm: np.ndarray) -> Motion:
     """Return a motion in which each point also moves by the displacement `added_mm`, in mm, shape (n,) for n frames.
 
-    The displacement of a point is multiplied by the square of its distance from the clamp over the length of the beam.
+    For a point at the distance s from the clamp of a beam of length L, `added_mm` is multiplied by (s / L)².
     """
     points = motion.points_mm.copy()
     points[..., 1] += added_mm[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2

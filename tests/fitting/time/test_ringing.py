@@ -1,6 +1,7 @@
-"""The complex frequencies of a vibrating beam, which a fit interpolates in a table, are exact.
+"""The complex frequencies that a fit interpolates in a table agree with the frequencies of the whole beam model.
 
-A long exposure reduces the amplitudes in the pictures as computed.
+A long exposure blurs a vibrating beam, so that its amplitude in the pictures is too small. The computed correction of
+the amplitude is right.
 """
 
 from __future__ import annotations

@@ -44,7 +44,8 @@ class Answer:
 class Served:
     """A page that is being served from a folder.
 
-    `ask` sends a request with the token of the page, or with another token; an empty token sends no such header.
+    `ask` sends a request with the token of the page, with another token or, if the given token is empty, without a
+    token.
     """
 
     folder: Path

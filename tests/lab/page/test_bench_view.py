@@ -1,4 +1,7 @@
-"""Runs on an emulated supply are started, watched, paused and stopped in a browser, and survive lost processes."""
+"""Runs on an emulated supply are started, watched, paused and stopped in a browser.
+
+If the server or the run is killed, the coil is switched off and no stored state is lost.
+"""
 
 from __future__ import annotations
 
