@@ -17,7 +17,7 @@ def format_quantity(quantity: Quantity) -> str:
     Examples
     --------
     >>> format_quantity(Quantity(46390.0, "Pa", (46310.0, 46500.0)))
-    '46.39 kPa [46.31, 46.50]'
+    '46.390 kPa [46.310, 46.500]'
     """
     scale, unit = _unit(quantity)
     places = _places(scale, quantity)
