@@ -132,9 +132,10 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 def _valid(problem: Problem, unit: Array) -> Array:
     """Return a candidate with a stable equilibrium in all states, near the unstable candidate ``unit`` (n,).
 
-    The stretches on the mesh of ``problem`` are larger than those on the coarse mesh of the search, and a law that
-    softens may be unstable there. The returned candidate has the same modulus, and its other coordinates are nearer to
-    the middle of their bounds. If no candidate is stable, ``unit`` is returned.
+    The stretches on the mesh of ``problem`` are larger than on the coarse mesh of the search. A law that softens may
+    therefore be unstable on the mesh of ``problem``, although it is stable on the coarse mesh. The returned candidate
+    has the same modulus, and its other coordinates are nearer to the middle of their bounds. If no candidate is stable,
+    ``unit`` is returned.
     """
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]

@@ -2,7 +2,7 @@
 
 checks                the comparison of the residuals with the noise and with the deflection
 causes                the probability of each possible cause of the residuals
-collinear_causes      classes of causes that the residuals do not distinguish
+collinear_causes      groups of causes that change the residuals so alike that the data do not decide between them
 edge_coefficients     the description of the residuals by a few coefficients along each edge
 marginal_likelihood   the evidence (probability density of the data) of linear Gaussian models
 signatures            the change of the residuals by each possible cause

@@ -273,7 +273,9 @@ class _Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return classes of causes (errors of the bench) that change the residuals alike, as indices of the causes.
+        """Group the causes that the residuals do not distinguish, and return the indices of the causes in each group.
+
+        A cause is a possible error of the bench. Such a group is called a class (`inference.doubts.collinear_causes`).
 
         The first cause of each class is the most probable one.
         """
@@ -331,9 +333,10 @@ class _Weighing:
         """Return hypotheses that were not simulated, each with its most probable simulated part.
 
         A hypothesis is a set of causes (possible errors of the bench). A part of it is a hypothesis with some of its
-        causes. The caller linearises the hypothesis about the simulation of the part, so that both linear models are
-        exact at the same amplitudes (sizes of the causes). Otherwise one more cause would seem to make the agreement
-        worse.
+        causes. The residuals of a hypothesis are linear functions of the amplitudes (sizes) of its causes, and the
+        functions are exact at the amplitudes that were simulated. The caller uses the simulation of the part for the
+        whole hypothesis too. Both then have the same error of linearisation. Otherwise one more cause would seem to
+        make the agreement worse.
 
         The part contains every cause of the hypothesis that the fit has taken into account, because the shape at rest
         would differ without such a cause.
@@ -365,7 +368,9 @@ class _Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance in mm^2 of N coefficients of the residuals due to errors of the simulation, shape (N,).
+        """Return the variance of N coefficients in mm^2, shape (N,), due to errors of the simulation.
+
+        The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
 
         The errors are 1 per cent of each of C changes of the coefficients, ``moves``, shape (C, N) in mm, and the
         errors that remain after the corrections by better beam models.
@@ -374,10 +379,11 @@ class _Weighing:
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the part of ``y`` that ``amplitudes`` do not explain, over the noise variance.
+        """Return the mean square, divided by the noise variance, of the part of ``y`` that is not explained.
 
-        ``y`` has the coefficients of the residuals with the opposite sign, in mm. ``amplitudes`` are the changes of the
-        law and the sizes of the errors of the bench.
+        ``y`` describes minus the residuals by the coefficients of polynomials along each edge, in mm
+        (`inference.doubts.edge_coefficients`). The changes of the law and the sizes of the errors of the bench,
+        ``amplitudes``, explain a part of ``y``.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
@@ -429,8 +435,9 @@ class _Weighing:
     def _probable(self, result: Posterior, far: float) -> list[int]:
         """Return the indices of the probable hypotheses (sets of possible errors of the bench), which are simulated.
 
-        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one. In the
-        first passes, the hypotheses of one error are included in any case.
+        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one.
+        `posterior` repeats the simulations in several passes. In the first passes, hypotheses of a single error are
+        also returned if they are improbable, because a large error may look improbable before it is simulated.
         """
         score = result.log_evidence + self.log_prior
         order = np.argsort(-score)

@@ -3,7 +3,8 @@
 Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
 describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
 the beam model is similar in states with similar loads and on both edges. The coefficients of the states and edges are
-therefore replaced by linear combinations (a rotation), in which the coefficients of such an error are independent.
+therefore replaced by linear combinations (a rotation): for example, the sum and the difference of the two edges. The
+coefficients of such an error are independent in these combinations.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the N coefficients in mm that describe the residuals of all experiments, shape (..., N).
+        """Return the N polynomial coefficients in mm that describe the residuals along each edge, shape (..., N).
 
         Residuals have the shape (..., K, G, m) for G groups (edges, or x and y) of m points in K states. None stands
         for residuals of zero.
@@ -69,9 +70,10 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of N coefficients in mm^2, (N,), for smooth errors as large as the C rows of ``moves``.
+        """Return the variance of N coefficients in mm^2, (N,), due to smooth errors of the size of ``moves``.
 
-        ``moves`` has changes of the N coefficients in mm, shape (C, N).
+        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The variances have the same ratios as the
+        variances ``error`` of an unexplained error, and are scaled by the mean square of ``moves`` in each experiment.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -81,7 +83,7 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the map from residuals to coefficients, with the variances due to noise and due to an unexplained error.
+    """Return the map from residuals to polynomial coefficients, with their variances by noise and unexplained errors.
 
     Parameters
     ----------

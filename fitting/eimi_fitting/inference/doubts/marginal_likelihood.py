@@ -53,7 +53,7 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
         Indices of the rows of ``columns`` that belong to each hypothesis. A hypothesis with fewer than q columns is
         filled up with the index of the last row.
     y : ndarray, shape (H, N)
-        The N data that each hypothesis explains: the residuals with the opposite sign.
+        The N data that each hypothesis explains: minus the residuals.
     noise, error : ndarray, shape (N,)
         Variance of each datum: due to noise (``noise``), and due to an unexplained error of the size eta = 1 mm
         (``error``).

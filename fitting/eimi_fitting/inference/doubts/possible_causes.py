@@ -270,7 +270,10 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads of K states divided by ``stiffness`` (K,), factors on the stiffness of the beam."""
+    """Return the loads of K states divided by ``stiffness`` (K,), because a softer beam bends as under larger loads.
+
+    ``stiffness`` has the factor on the stiffness of the beam in each state.
+    """
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -286,13 +289,17 @@ def _crept(loads: Loads, amplitudes: Array) -> Loads:
 
 
 def strengths(loads: Loads) -> Array:
-    """Return field plus tip force in each of K states, (K,), both divided by their largest value of all states."""
+    """Return a measure of the size of the load in each of K states, (K,).
+
+    The measure is the sum of two ratios: the field divided by the largest field of all states, and the tip force
+    divided by the largest tip force.
+    """
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for a state after an increase of the load and -1 after a decrease, for K states, shape (K,)."""
+    """Return 1 for a state after an increase of the load (`strengths`) and -1 after a decrease, for K states, (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]

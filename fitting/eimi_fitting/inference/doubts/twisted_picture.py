@@ -79,8 +79,9 @@ def without_twist(
 def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, modulus_Pa: float) -> tuple[Array, Array]:
     """Return bending moments in N m (K, S - 1) and forces in N (K, S - 1, 2) between the S stations of a bent beam.
 
-    The moment is the change of the curvature from the shape at rest, times the bending stiffness in the plane. The
-    force is the tip force plus the weight of the part of the beam between the station and the tip.
+    A station is a cross-section of the beam. The moment is the change of the curvature from the shape at rest, times
+    the bending stiffness in the plane. The force is the tip force plus the weight of the part of the beam between the
+    station and the tip.
     """
     specimen = bent.model.specimen
     rest = bent.model.mesh.nodes

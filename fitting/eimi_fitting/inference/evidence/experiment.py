@@ -270,8 +270,8 @@ def compare(
     bulk_modulus_Pa : ndarray, shape (P,), optional
         Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        For each experiment, the factors on the field and the maps of the image of the P candidate laws; the stated
-        values by default.
+        For each experiment, the factor on the field and the map from true positions to positions in the picture, for
+        each of the P candidate laws; the stated values by default.
     near : sequence of Shapes
         For each experiment, shapes from an earlier call with ``keep``. The solver starts from the shape of the first
         candidate of that call.

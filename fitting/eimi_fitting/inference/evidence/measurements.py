@@ -148,7 +148,7 @@ class Misfit:
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the misfits (distances of the measured points) of several groups of candidates to the same measurements."""
+    """Join the misfits (distances of the same measured points) of several groups of candidates into one misfit."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -175,7 +175,8 @@ class EdgeObservation:
 
     Examples
     --------
-    One state, two points on the left edge and three on the right one, each good to 5 µm:
+    One state, with two points on the left edge and three on the right edge. The standard uncertainty of each point is
+    5 µm:
 
     >>> import numpy as np
     >>> left, right = np.array([[5.0, -1.5], [9.0, -1.5]]), np.array([[5.0, 1.5], [7.0, 1.5], [9.0, 1.5]])
@@ -285,7 +286,7 @@ class PointObservation:
 
     Examples
     --------
-    One marker in the middle of a beam's tip, in two states, good to 10 µm:
+    One marker in the middle of a beam's tip, in two states. The standard uncertainty of its position is 10 µm:
 
     >>> import numpy as np
     >>> rest = np.array([[[30.0, 0.0]], [[30.0, 0.0]]])

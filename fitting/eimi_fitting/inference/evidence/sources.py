@@ -175,9 +175,10 @@ def _background_field(loads: Loads, deviation: Array) -> Loads:
 
 
 def _field_graded(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with another field gradient along and across the beam.
+    """Return the loads with a changed field gradient along and across the beam.
 
-    ``deviation`` (2,) has the two changes of the gradient: the relative change of the field per metre.
+    A gradient is the relative change of the field strength per metre. ``deviation`` (2,) has the numbers that are added
+    to the two gradients.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))

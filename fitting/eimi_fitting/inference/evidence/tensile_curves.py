@@ -110,7 +110,7 @@ class TensileEvidence:
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the residuals over their standard deviation, (P, m), in m rows of the curve for P candidate laws.
+        """Return the residuals of m rows of the curve, divided by their standard deviation, for P candidates, (P, m).
 
         ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
         """

@@ -300,7 +300,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of coordinates that CMA-ES varies: the coordinates of the law, and the bulk modulus if it is unknown.
+        """Number of coordinates that the search varies: coordinates of the law, and the bulk modulus if it is unknown.
 
         The inputs that the fit determines too (freed nuisances) keep their stated values until the Gauss-Newton steps.
         """
@@ -358,7 +358,7 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of f freed inputs over their prior standard deviations, (P, f), for P candidates.
+        """Return the deviations of f freed inputs divided by their prior standard deviations, (P, f), for P candidates.
 
         The fit determines a freed input together with the law.
 

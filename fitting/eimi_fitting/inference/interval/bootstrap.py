@@ -1,10 +1,10 @@
-"""Draw the states of a bootstrap replicate of experiments, with replacement.
+"""Draw states of experiments at random with replacement, as the bootstrap method does to estimate uncertainties.
 
-The light, the blur and the rest position of clamp and beam are common to one frame. An error of these quantities moves
-all points of the edges together. The points of a state are therefore dependent, and the states are assumed independent.
-Whole states are drawn (resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section
-6.2.4). A state is thus a block of points, and the dependence within the block is kept (Künsch 1989, Ann. Statist.
-17:1217).
+A state is one load on the specimen, with the points of the edges that one frame shows. The light, the blur and the rest
+position of clamp and beam are common to one frame. An error of these quantities moves all points of the edges together.
+The points of a state are therefore dependent, and the states are assumed independent. Whole states are drawn
+(resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section 6.2.4). A state is thus a
+block of points, and the dependence within the block is kept (Künsch 1989, Ann. Statist. 17:1217).
 """
 
 from __future__ import annotations

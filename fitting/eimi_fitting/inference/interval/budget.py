@@ -1,7 +1,8 @@
-"""Compute the effect of each source of uncertainty on the initial shear modulus, and the quantity to measure next.
+"""Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
-Let x be the optimum, d_s the change of the optimum for one standard uncertainty of source s
-(`inference.interval.considered`), and mu(x) the initial shear modulus. The source has the effect
+A source (of uncertainty) is an input with a stated uncertainty, such as the width of the beam. Let x be the optimum,
+d_s the change of the optimum for one standard uncertainty of source s (`inference.interval.considered`), and mu(x) the
+initial shear modulus. The source has the effect
 
     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
 
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """The effect of one source of uncertainty on the initial shear modulus.
+    """The effect of one source of uncertainty (an uncertain input, such as a width) on the initial shear modulus.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ class MeasureNext:
     Parameters
     ----------
     source : str or None
-        A key of `SOURCES`; None for the edges.
+        The uncertain input, as a key of `SOURCES`; None if the edges of the beam are the quantity to measure better.
     words : str
         Name of the quantity for people.
     initial_shear_modulus_interval_95_Pa : tuple of float
@@ -74,18 +75,18 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """The random changes of an optimum of n unknowns in D draws, with S sources of uncertainty.
+    """D random draws of the error of an optimum of n unknowns, due to noise and to errors of S uncertain inputs.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
         The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
     noise : ndarray, shape (D, n)
-        Changes by noise, priors and model errors, in unit coordinates.
+        Changes of the optimum by noise, priors and errors of the beam models, in unit coordinates.
     deviations : ndarray, shape (D, S)
-        Errors of the S sources, in standard uncertainties.
+        Errors of the S uncertain inputs, in standard uncertainties.
     steps : Steps
-        The change of the optimum for one standard uncertainty of each source.
+        The change of the optimum for one standard uncertainty of each uncertain input.
     """
 
     unit: Array
@@ -94,14 +95,14 @@ class Moves:
     steps: Steps
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return the n unknowns in D draws, after the noise and the errors of the sources are multiplied by factors.
+        """Return the n unknowns in D draws, with the errors of the draws multiplied by given factors.
 
         Parameters
         ----------
         of_noise : float
-            Factor on the changes by noise, priors and model errors.
+            Factor on the changes of the optimum by noise, priors and errors of the beam models.
         of_sources : float or ndarray, shape (S,)
-            One factor on the errors of all S sources, or one factor for each source.
+            One factor on the errors of all S uncertain inputs, or one factor for each input.
 
         Returns
         -------

@@ -77,9 +77,10 @@ class ConsideredSources:
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the sources of uncertainty that a fit neither frees nor replaces by a freed source of the same effect.
+    """Return the inputs with a stated uncertainty (sources) that keep their stated values in a fit.
 
-    A source is an uncertain input. The fit determines a freed source together with the law.
+    An input that the fit determines together with the law (a freed input) is left out, and so is an input with the same
+    effect as a freed input.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
@@ -97,8 +98,8 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
     """Return important sources of uncertainty that no file specifies, with their usual uncertainty.
 
     An important source (``Source.is_decisive``) is an input whose usual error changes the modulus much, such as the
-    direction of magnetisation. A source is returned if the fit does not determine it, if it changes the specimen, and
-    if the specimen is in a field.
+    direction of magnetisation. A source is returned if the fit does not determine it, if a deviation of it changes the
+    model of the specimen, and if a magnetic field acts in at least one state.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -112,9 +113,9 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a source of uncertainty changes the specimen, and the specimen is in a field.
+    """Return whether an uncertain input changes the model of the specimen, and a magnetic field acts in a state.
 
-    The specimen must have a magnet if the source belongs to the magnet.
+    An input of the magnet, such as its width, changes only a specimen with a magnet.
     """
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -133,7 +134,7 @@ def considered(
     unit : ndarray, shape (n,)
         The optimum in unit coordinates (0 to 1).
     groups : sequence of SharedUnknowns, optional
-        The sources of uncertainty whose effect is computed; by default the result of `sources_of`.
+        The sources of uncertainty (uncertain inputs) whose effect is computed; by default the result of `sources_of`.
 
     Returns
     -------
@@ -157,17 +158,20 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the change of the residuals for one standard uncertainty of each uncertain number.
+    """Return the change of the residuals if one uncertain number deviates by its standard uncertainty.
+
+    A source is an uncertain input, such as the position of the clamp. Its uncertain numbers are its parts, such as x
+    and y.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Unit coordinates at which the changes are computed. A source that the fit determines (a freed source) starts
-        from its value at these coordinates.
+        Unit coordinates at which the changes are computed. If the fit determines a source, its deviation is added to
+        the value that these coordinates contain. Otherwise it is added to the stated value.
     numbers : sequence of (SharedUnknowns, int)
-        For each uncertain number, its source and its index among the parts of the source.
+        Each uncertain number, as a source and the index of a part of this source.
 
     Returns
     -------
@@ -302,7 +306,7 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The changes of an optimum of n unknowns by S sources of uncertainty.
+    """The changes of an optimum of n unknowns by S sources of uncertainty (uncertain inputs).
 
     Parameters
     ----------
@@ -323,7 +327,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the change of the optimum by each source of uncertainty, as if the parameters had no bounds.
+    """Return the change of the optimum by each uncertain input (source), as if the parameters had no bounds.
 
     Parameters
     ----------

@@ -214,8 +214,8 @@ class Linearisation:
         -----
         Let z be the standardised residual of a prior at the optimum, s its derivative in the unknowns, and H the
         Hessian without this prior. At the optimum without this prior, the residual is z (1 + s' inv(H) s). If prior and
-        data agree, the variance of this residual is 1 + s' inv(H) s. The distance is the residual over its standard
-        deviation, z sqrt(1 + s' inv(H) s).
+        data agree, the variance of this residual is 1 + s' inv(H) s. The distance is the residual divided by its
+        standard deviation, z sqrt(1 + s' inv(H) s).
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
@@ -235,9 +235,9 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
     """Return the number tau of neighbouring residuals that count as one independent residual.
 
     Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
-    product of two correlation lengths, along the edge and over the states (`eimi_fitting.correlation`). For tracked
-    points, one error is assumed common to all points of a state, so that each state has two independent numbers, x
-    and y.
+    product of two correlation lengths: in points along the edge, and in neighbouring states
+    (`eimi_fitting.correlation`). For tracked points, one error is assumed common to all points of a state, so that each
+    state has two independent numbers, x and y.
 
     Parameters
     ----------

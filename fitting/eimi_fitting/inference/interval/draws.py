@@ -1,4 +1,4 @@
-"""Draw from the joint distribution of all uncertain quantities of a fit. Intervals are quantiles of the draws."""
+"""Make random draws from the joint distribution of all uncertain quantities of a fit. Intervals are their quantiles."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def draw_noise(
     model_errors : ndarray, shape (C, n)
         Change of the n unknowns by one standard deviation of each of C errors of the beam models, in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        Additional change of the first unknown by one standard deviation of each of the C errors.
+        Additional change of the first unknown, which determines the modulus, by one standard deviation of each of the C
+        errors.
 
     Returns
     -------

@@ -37,7 +37,8 @@ class Direction:
     words : str
         Names of the unknowns that the combination contains.
     remaining : float
-        Standard deviation of the combination after the fit over its prior standard deviation, between 0 and 1.
+        Standard deviation of the combination after the fit, divided by its standard deviation before the fit (prior);
+        between 0 and 1.
     """
 
     words: str
@@ -196,7 +197,8 @@ def statement(
         Names of the nuisances (uncertain inputs) that scale the magnetic load. The data determine only the ratio of the
         magnetic load to the modulus.
     remaining : sequence of float
-        For each unknown, its standard deviation after the fit over its prior standard deviation.
+        For each unknown, its standard deviation after the fit, divided by its standard deviation before the fit
+        (prior).
     modulus : Quantity
         The initial shear modulus in Pa.
     priors : bool

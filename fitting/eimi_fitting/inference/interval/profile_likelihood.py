@@ -99,8 +99,9 @@ class _End:
     def advance(self, unit: Array, hessian: Array) -> None:
         """Replace ``point`` by a better candidate for the end of the interval.
 
-        The deviance is approximated by a quadratic function and minimised over all other coordinates. The new candidate
-        is where this function has the value ``target``. unit: the optimum; hessian: the Hessian of half the deviance.
+        The deviance is approximated by a quadratic function. For each value of ``coordinate``, the other coordinates
+        are chosen so that this function is smallest. The new candidate is the point where this minimum equals
+        ``target``. unit: the optimum; hessian: the Hessian of half the deviance.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])

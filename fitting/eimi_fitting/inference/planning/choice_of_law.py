@@ -7,8 +7,8 @@ With N independent points of the edges and normal noise of unknown level, the de
 The constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section
 2.2). A tensile curve in the fit adds 2 n log(RMSE) for its n independent rows and its root mean square residual RMSE.
 Each quantity that is stated with an uncertainty adds the square of its deviation in standard uncertainties. A law is
-therefore compared at the optimum over its parameters and these quantities. If the quantities were fixed, a wrong width
-would favour a law that imitates the effect of this width.
+therefore compared at the optimum at which its parameters and these quantities were fitted together. If the quantities
+were fixed, a wrong width would favour a law that imitates the effect of this width.
 
 Let k be the number of unknowns, with one noise level for the edges and one for each curve. M is the sum of N and all n.
 The criteria are
@@ -16,9 +16,9 @@ The criteria are
     AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
 
 (ibid., Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461). For all laws, N and n are the numbers of the law with the smallest
-error of the edges. The residuals of a law that does not fit are correlated because the law is wrong (ibid., section
-2.5, on taking the variance from the global model). A difference M - k - 1 below 1 is smaller than the error of
-the estimate of M. The law then has no AICc.
+error of the edges. The residuals of a law that does not fit are correlated because the law is wrong, so that its own
+number of independent points would be too small (ibid., section 2.5). A difference M - k - 1 below 1 is smaller than the
+error of the estimate of M. The law then has no AICc.
 """
 
 from __future__ import annotations

@@ -195,7 +195,10 @@ class Candidates:
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return the 97.5 % quantile of Student's t for ``states`` states, divided by the normal 97.5 % quantile."""
+        """Return the factor by which an interval is wider because the noise level is estimated from ``states`` states.
+
+        The factor is the 97.5 % quantile of Student's t, divided by the 97.5 % quantile of the normal distribution.
+        """
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(special.stdtrit(freedom, 0.975)) / _NORMAL
 
@@ -349,18 +352,20 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the weight of a squared change of one simulated edge point, in 1/mm^2.
+    """Return the weight w of the squared slopes of one simulated edge point in the information, in 1/mm^2.
 
-    The weight is the inverse variance of an independent point, times the number of independent measured points, over
-    the number of simulated points.
+    The simulated edges have another number of points than the measured edges. The weight is therefore the inverse
+    variance of an independent point, times the number of independent measured points, divided by the number of
+    simulated points.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivative of the goal quantity in n unknowns over its value, (n,); KeyError for an unknown name.
+    """Return the relative derivative of the goal quantity in n unknowns, (n,); raise KeyError for an unknown name.
 
-    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow.
+    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. Its
+    derivative is divided by its value.
     """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:

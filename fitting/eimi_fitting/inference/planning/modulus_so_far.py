@@ -7,10 +7,11 @@ bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates
 The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
 estimate after the previous state needs only a few steps. The complete fit follows after the run.
 
-The remaining error of the modulus after this correction is 5 % of the expected bias of a planar section
-(`inference.planning.section_bias`), but at least 0.15 % of the modulus. The bias is computed for a large bending, so
-that the remaining error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the
-planar model is divided by 1 + bias instead.
+The bias of a planar section is the relative error of a modulus that is fitted with the planar model instead of the
+three-dimensional one (`inference.planning.section_bias`). The remaining error of the modulus after this correction is
+5 % of the bias, but at least 0.15 % of the modulus. The bias is computed for a large bending, so that the remaining
+error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the planar model is
+divided by 1 + bias instead.
 
 A further state can widen the interval, because some stated uncertainties have a larger effect on the modulus in a
 larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the residuals of all

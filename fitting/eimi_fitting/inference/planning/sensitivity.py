@@ -1,4 +1,4 @@
-"""Compute the derivatives of simulated edges in the parameters of a hyperelastic law, by central differences."""
+"""Compute the derivatives of simulated edges by the parameters of a hyperelastic law, by central differences."""
 
 from __future__ import annotations
 

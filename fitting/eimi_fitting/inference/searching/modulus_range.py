@@ -81,9 +81,10 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective at moduli from c / 3 to c / 1e-7, with two moduli for each decade.
+    """Evaluate the objective at moduli from very soft to very stiff, with two moduli for each decade.
 
-    c = mu u / L in Pa belongs to a stiff beam with the modulus mu, the length L and the largest displacement u.
+    A stiff beam with the modulus mu, the length L and the largest displacement u gives the number c = mu u / L in Pa.
+    The moduli lie between c / 3 and c / 1e-7 (see the module `inference.searching.modulus_range`).
 
     Parameters
     ----------

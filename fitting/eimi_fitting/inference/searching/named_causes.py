@@ -1,10 +1,10 @@
 """Name a mistake in the stated loads, such as a reversed field, if no modulus explains the measurement.
 
-The check runs before the search. The smallest error of a scan over moduli is divided by the error of an unbent beam. If
-this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each repetition corrects one usual mistake in the
-loads, such as a reversed field or a current in milliampere. A mistake is named if the corrected loads reduce the error
-to less than 0.4 of the error with the stated loads. The fit is refused if the ratio with the stated loads exceeds 0.2.
-Otherwise the result of the fit contains a warning that names the mistake.
+The check runs before the search. A scan computes the error of the edges for many moduli. The smallest of these errors
+is divided by the error of an unbent beam. If this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each
+repetition corrects one usual mistake in the loads, such as a reversed field or a current in milliampere. A mistake is
+named if the corrected loads reduce the error to less than 0.4 of the error with the stated loads. The fit is refused if
+the ratio with the stated loads exceeds 0.2. Otherwise the result of the fit contains a warning that names the mistake.
 """
 
 from __future__ import annotations
