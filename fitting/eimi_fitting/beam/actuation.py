@@ -64,7 +64,7 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """The members of the meshes `Grid` and `SolidGrid` with which the loads on a specimen are computed.
+    """The interface of a mesh that is needed to compute loads; `Grid` and `SolidGrid` have these members.
 
     A mesh is built in a straight strip, which is mapped to the rest shape of the specimen (`beam.strip`).
     """
@@ -90,7 +90,7 @@ class Places(Protocol):
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that distribute a force over the depth at a point (x, y) of the straight strip.
+        """Return nodes and weights that distribute a force evenly in depth, at a point (x, y) of the straight strip.
 
         The straight strip is a straight beam of constant width, which is mapped to the rest shape.
         """

@@ -45,7 +45,8 @@ class BandAssembly:
     n : int
         Number of unknowns of the assembled matrix.
     at_once : int or None
-        Number of elements in a group. The matrices of one group are added together. None: all elements are one group.
+        Number of elements in a group. The matrices of one group are computed and added before those of the next group,
+        which saves memory. None: all elements are one group.
     """
 
     def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
@@ -257,7 +258,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether the sum of the squares of an array's entries is finite, for each of B rows, shape (B,)."""
+    """Return whether each of B rows of an array has only finite entries whose squares do not overflow, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)

@@ -195,8 +195,8 @@ class CoilShape:
         """Return the contribution of the curvature c to the field ratio q and its derivatives at B points, (6, B).
 
         The field of the curvature has the components B_s = c (s^2 - t^2 / 2) and B_t = -c s t, with the coordinates s
-        along the axis and t across the axis, measured from the position of the magnet at rest. The
-        derivatives have the same order as in `FieldTable.derivatives`.
+        along the axis and t across the axis, measured from the position of the magnet at rest. The rows are the
+        contribution to q and its derivatives, in the order of `FieldTable.derivatives`.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])

@@ -2,9 +2,11 @@
 
 Let u_s be the configuration of the solid model and u_p the configuration of the planar model under the same loads. The
 depth effect d = u_s - u_p is a smooth function of a scalar s. If the rotation of the tip changes monotonically along
-the loads, s is the rotation of the tip of the planar model in rad. Otherwise s is the distance along the line of the
-loads (`beam.beside`). The solid model is solved in n states, at the values s_i of s. The depth effect d_i in these
-states is interpolated by Lagrange's polynomial,
+the loads, s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
+straight line: the load of a state is a vector of numbers, such as the components of the field, and the loads of all
+states must lie on one line. s is 0 at the first load and 1 at the farthest load from it (`beam.beside`). The solid
+model is solved in n states, at the values s_i of s. The depth effect d_i in these states is interpolated by Lagrange's
+polynomial,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
@@ -32,7 +34,7 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties of a candidate that determine its depth effect.
+    """The properties of a candidate (a set of parameters of a law) that determine its depth effect.
 
     The depth effect is the shape of the solid model minus the shape of the planar model.
 
@@ -73,8 +75,8 @@ class DepthEffect:
     differences : tuple of Configuration
         The differences d_i between the two models in these states.
     by_turn : bool
-        Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the distance along the line of
-        the loads.
+        Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
+        straight line through the loads of all states (see the module).
     base : DepthEffect or None
         The depth effect b(s) of a similar candidate; only the difference d - b is interpolated. None: d is
         interpolated. If ``by_turn``, d(0) = b(0) is assumed.
@@ -92,7 +94,7 @@ class DepthEffect:
         """Return the depth effect d(s) (solid minus planar configuration), interpolated at one value s (``place``).
 
         A configuration contains displacements, pressures and stresses. s measures the bending: the rotation of the tip
-        in rad, or a distance along the line of the loads.
+        in rad, or the position of the load on the line through the loads of all states.
         """
         weights = self._weights(place)
         if self.base is None:
@@ -151,12 +153,12 @@ class DepthEffect:
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect with ``base`` None, interpolated through d(s) at the solved values s of the base.
+        """The same depth effect without a base, so that it can be the base of another depth effect.
 
-        d(s) is the shape of the solid model minus the shape of the planar model at the bending s.
-
-        If ``by_turn``, these values s are scaled so that the first of them equals the first solved value s of this
-        depth effect. If this depth effect has no solved states, the property is ``base``.
+        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The result is
+        interpolated through d(s) at the values s at which the base was solved. If ``by_turn``, these values are first
+        scaled so that the first of them equals the first value at which this depth effect was solved. If this depth
+        effect has no solved states, the property is ``base``.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -199,7 +201,7 @@ class DepthEffect:
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
         """Return this depth effect with one more solved state.
 
-                The depth effect is the shape of the solid model minus the shape of the planar model.
+        The depth effect is the shape of the solid model minus the shape of the planar model.
 
         ``place`` is the value s of the state, which measures the bending; ``difference`` is its difference d.
         """

@@ -399,9 +399,10 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add a further stiffness to the tangents of the elements, and yield the sums for one group of elements at a time.
+    """Add another stiffness to the tangents of the elements, and yield the sums for one group of elements at a time.
 
-    further: function that returns the further stiffness of the elements in a slice.
+    further: function that returns the other stiffness of the elements in a slice, such as the stiffness of the volume
+    or of a magnetic load.
     """
     first = 0
     for K in tangents:

@@ -1,6 +1,7 @@
 """The planar mesh of a specimen: lines along and across the beam, with quadratic elements between them.
 
-The lines are drawn in a straight strip, which `beam.strip` maps to the shape of the specimen at rest.
+The lines lie in a straight strip (a straight beam of constant width), which `beam.strip` maps to the shape of the
+specimen at rest.
 
 The magnet is rigid. Its nodes move with one rigid body, and the mesh has no elements in the magnet. The silicone beside
 a magnet that is narrower than the beam has elements, and so has the silicone between the magnet and the tip.
@@ -65,7 +66,7 @@ class Grid:
     along : int
         Number of elements along the flexible part.
     across : int
-        Number of elements over the width. If the magnet is narrower, there are at least half of this number (rounded
+        Number of elements across the width. If the magnet is narrower, there are at least half of this number (rounded
         up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
         Draw lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these lines

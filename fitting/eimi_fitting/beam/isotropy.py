@@ -2,7 +2,8 @@
 
 A symmetric tensor is an array whose first axis has the six components 11, 22, 33, 12, 23, 13. The other axes number the
 points. The strain energy of a law depends on the isochoric deformation only. The stress of the pressure is added to the
-stress of the law. Two exact methods compute stress and tangent:
+stress of the law. Stress and tangent are computed from the derivatives of the energy, without finite differences, by
+one of two methods:
 
 invariants           for a law that gives the derivatives of its energy by the invariants I1 and I2 (Holzapfel,
                      Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6);

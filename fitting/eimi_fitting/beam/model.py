@@ -34,7 +34,7 @@ class BeamModel:
     along : int
         Number of elements along the flexible part, see `Grid`.
     across : int or None
-        Number of elements over the width. None: chosen from the proportions of the beam.
+        Number of elements across the width. None: chosen from the proportions of the beam.
     plane : {"plane-stress", "plane-strain"} or None
         The planar assumption. None: the section of the specimen.
 

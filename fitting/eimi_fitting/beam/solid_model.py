@@ -26,7 +26,7 @@ class SolidModel:
     specimen : Specimen
         The beam, with its magnet if it has one.
     along, across : int
-        Numbers of elements along the flexible part and over the width, as in `BeamModel`.
+        Numbers of elements along the flexible part and across the width, as in `BeamModel`.
     more : int
         Additional elements over half of the depth, see `SolidGrid`.
 

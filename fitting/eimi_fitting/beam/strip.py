@@ -208,11 +208,12 @@ class Strip:
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return the distances of n points from the centre line, (n,), after two parallel lines have moved.
+    """Return the distances of n points from the centre line, (n,), after a change of the width or depth.
 
-    The inner line (row 0) and the outer line (row 1) are at the distances ``before`` and move to the distances
-    ``after``, (2, n) each. ``value`` contains the distances of the points before. Between the centre line and the inner
-    line, and beyond the inner line, the distances change linearly.
+    Two lines beside the centre line move with the change: the side of the magnet (row 0, the inner line) from
+    ``before[0]`` to ``after[0]``, and the edge of the beam (row 1) from ``before[1]`` to ``after[1]``. ``value``
+    contains the distances of the points before the change. Between the centre line and the inner line, and beyond the
+    inner line, the distances change linearly.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after

@@ -63,7 +63,8 @@ class System:
     tied : ndarray of int or None
         The elements that have nodes of the rigid body; None without a body.
     at_once : int or None
-        Number of elements in a group. The matrices of one group are added together. None: all elements are one group.
+        Number of elements in a group. The matrices of one group are computed and added before those of the next group,
+        which saves memory. None: all elements are one group.
     """
 
     def __init__(self, dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> None:

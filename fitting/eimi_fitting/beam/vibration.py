@@ -168,13 +168,14 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest squared angular frequencies for q ratios r of the modulus, (B, q, count) in 1/s².
+    """Return the lowest squared angular frequencies for each of q ratios r, (B, q, count) in 1/s².
+
+    A ratio r is the modulus in a vibration divided by the modulus of the equilibrium.
 
     They are the eigenvalues of the stiffness r K_m + K_g and the mass M.
 
     material, rest, mass: K_m, K_g and M of B candidate laws, reduced to m shapes, (B, m, m): stiffness due to the
-    tangent of the law, stiffness due to stresses and loads, mass. stiffening: q real ratios r, (q,), of the modulus in
-    the vibration to the modulus of the equilibrium.
+    tangent of the law, stiffness due to stresses and loads, mass. stiffening: the q real ratios r, (q,).
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -358,7 +359,10 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of the u unknowns of E elements in m shapes of B candidate laws, (m, E, B, u).
+        """Return the displacements of the mesh in each shape, sorted by element, (m, E, B, u) in mm.
+
+        The mesh has E elements with u unknown displacements each. The motion of each of B candidate laws is reduced to
+        m shapes.
 
         free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body (the magnet).
         """
@@ -387,7 +391,10 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices (B, m, m) of m shapes of B candidate laws; for the arguments see `_local`."""
+        """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
+
+        For the arguments see `_local`.
+        """
         m, e, b, u = local.shape
         d = self._solid.dimensions
         by_direction = local.reshape(m, e, b, d, u // d)
@@ -400,16 +407,17 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass in m shapes of B candidate laws, (m, B, 2).
+        """Return the displacement (x, y) of the point mass in each shape, (m, B, 2), for m shapes and B candidate laws.
 
         nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
         """
         return np.einsum("mbni,n->mbi", nodal[..., :2], self.inertia.point_shares)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the mass matrix times m shapes: for n nodal unknowns, (m, B, n), and for the body, (m, B, 3).
+        """Return the products of the mass matrix and each of m shapes, for B candidate laws.
 
-        The body is the rigid magnet. There are B candidate laws. For the arguments see `_local`.
+        The first result has the shape (m, B, n) for the n unknowns of the nodes, and the second the shape (m, B, 3) for
+        the rigid body (the magnet). For the arguments see `_local`.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -442,9 +450,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return matrices (B, m, m) that are reduced from element matrices (E, B, u, u) to m shapes.
+    """Assemble element matrices (E, B, u, u), reduce the result to m shapes, and return it, (B, m, m).
 
-    local: the u unknowns of each of E elements in the m shapes of B candidate laws, (m, E, B, u).
+    local: the displacements of the mesh in each shape, sorted by element, (m, E, B, u); see `Vibration._local`. The
+    mesh has E elements with u unknowns each, and there are B candidate laws.
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))

@@ -196,9 +196,9 @@ def _whitened(
 ) -> tuple[Rows, float]:
     """Return the equations of one experiment divided by the noise, and the standard deviation of the noise in mm.
 
-    In each state, the residuals are projected on the span of three kinds of vectors: the derivatives in the
-    coefficients, the changes by the nuisances (errors of inputs), and the error of the beam model. A few equations
-    remain for each state.
+    The residuals of a state at many points are replaced by a few equations, because only three kinds of vectors matter
+    for the fit: the derivatives by the coefficients, the changes by the nuisances (errors of inputs), and the error of
+    the beam model. The residuals are projected on the span of these vectors.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
@@ -229,7 +229,11 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return (I + d d')^(-1/2), shape (m, m), for d = ``deviation``, shape (m,), and the identity matrix I."""
+    """Return (I + d d')^(-1/2), (m, m), a factor on m equations that makes the errors of the equations independent.
+
+    I is the identity matrix, the covariance of the noise. d, shape (m,), is the ``deviation`` of the m equations by an
+    error that is common to all of them.
+    """
     square = float(deviation @ deviation)
     if square == 0.0:
         return np.eye(len(deviation))

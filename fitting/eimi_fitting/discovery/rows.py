@@ -46,7 +46,7 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the equations after multiplication of the noise by ``factor``."""
+        """Return the equations for a noise ``factor`` times as large: both sides of each equation are divided by it."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:

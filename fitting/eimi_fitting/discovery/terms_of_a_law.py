@@ -111,7 +111,10 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise can explain the ``held_out_error`` of the first alternative: whether it is below 1.5."""
+        """Return whether noise can explain the prediction error of the first alternative.
+
+        It can if ``held_out_error`` is below 1.5.
+        """
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
@@ -301,7 +304,7 @@ def _linearised(
 ) -> tuple[Rows, list[float]]:
     """Return the result of `bending_rows`, repeated until the fit of all terms hardly changes.
 
-        The edges are first linearised about the coefficients ``about``, and then about each new fit.
+    The edges are first linearised about the coefficients ``about``, and then about each new fit.
 
     Raises
     ------

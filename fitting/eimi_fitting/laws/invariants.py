@@ -123,7 +123,7 @@ class InvariantEnergy(ABC):
 
 
 class InvariantLaw(InvariantEnergy):
-    """A complete law whose strain energy is a function of the invariants I1 and I2.
+    """The base class of laws whose strain energy is a function of the invariants I1 and I2.
 
     A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
     examined by a scan, a tensile curve is fitted within the bounds of the search, and the law cannot be exported to a
@@ -131,7 +131,7 @@ class InvariantLaw(InvariantEnergy):
 
     Examples
     --------
-    The complete law of Gent, W = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59):
+    The law of Gent, W = -mu Jm/2 ln(1 - (I1 - 3)/Jm) (Gent 1996, Rubber Chem. Technol. 69:59), as a subclass:
 
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class Coordinate:
     name
         Name of the coordinate in messages and reports.
     lower, upper
-        Bounds of the search. The bounds were chosen in this project unless a source is cited.
+        Bounds of the search. The bounds were chosen in this project unless a publication is cited.
     """
 
     name: str

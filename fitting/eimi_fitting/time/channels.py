@@ -6,7 +6,7 @@ channels of one recording are therefore linear combinations of a few signals. Ga
 
 A rolling shutter reads the rows of a frame one after another. The time of a point then differs from the time of the
 frame. A constant difference only changes the phase of a channel, and the phase is fitted anyway. While a point moves
-over the rows, the difference changes. The change of the difference is corrected to first order.
+across the rows, the difference changes. The change of the difference is corrected to first order.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class Evidence(Protocol):
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals due to a change of each source of uncertainty.
+        """Return the changes of the k residuals due to a change of each source of uncertainty (an uncertain input).
 
         Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
         result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
@@ -220,8 +220,8 @@ class CreepEvidence:
     label : str
         Origin of the recording, for messages.
     shown : tuple of ndarray, or None
-        True rotations and the measured rotations that belong to them, see `slow_motion.shown_rotations`; None if the
-        true rotations are measured.
+        True rotations and, for each of them, the rotation that would be measured, see `slow_motion.shown_rotations`;
+        None if the measured rotations are the true rotations.
     """
 
     history: LoadHistory

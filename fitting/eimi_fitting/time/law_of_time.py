@@ -323,10 +323,11 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
     """Return D draws of the m unknowns from their posterior, (D, m).
 
-    The posterior is far from normal if the data do not determine the terms. It is sampled by a group of walkers, each
-    of which moves along the line to another walker (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The
-    residuals are approximated as linear functions of logarithms of moduli and of loss factors. Then the changes due to
-    the sources of uncertainty that a file specifies are added to each draw.
+    The posterior is far from normal if the data do not determine the terms. It is sampled by a group of walkers (sets
+    of values of the unknowns). Each walker moves along the straight line through itself and another walker (Goodman and
+    Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The residuals are approximated as linear functions of logarithms of
+    moduli and of loss factors. Then the changes due to the sources of uncertainty that a file specifies are added to
+    each draw.
 
     Parameters
     ----------

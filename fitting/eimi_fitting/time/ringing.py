@@ -231,7 +231,7 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the solid model over the same frequencies of the planar model, (3,).
+        """The three lowest frequencies of the solid model, divided by the same frequencies of the planar model, (3,).
 
         For a specimen with a planar section, a planar model with a finer mesh takes the place of the solid model.
         """
@@ -246,8 +246,9 @@ class RingTable:
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the modulus from the lowest frequency of a solid section over the modulus for the stated section.
+        """Return the ratio of two moduli that give the same lowest frequency, to check the stated planar section.
 
+        The modulus of the model with a solid section is divided by the modulus of the model with the stated section.
         The result is 1 for a specimen whose section is a solid. `NoEquilibrium` is raised if the solid has no
         equilibrium.
         """

@@ -187,11 +187,11 @@ def slow_rotations(
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the root mean square of the vibration at m times after the fitted part, (m,) in rad of the tip.
+    """Return the root mean square of the vibration at m later times, (m,), as a rotation of the tip in rad.
 
-    Vibrations were fitted to one part of the recording. The frames after this part may be too few to average the
-    vibration away. gain: for each channel (coordinate of a point), the displacement per rad of rotation of the tip,
-    divided by the noise.
+    Vibrations were fitted to one part of the recording. If the frames after this part are few, the mean of their
+    displacements still contains a part of the vibration. The uncertainty of the mean is computed from the result. gain:
+    for each channel (coordinate of a point), the displacement per rad of rotation of the tip, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)

@@ -1,7 +1,7 @@
 """Small effects on a ring-down (a free vibration) that are estimated but not corrected, such as the air.
 
-The others are eddy currents, the coil, the exposure of the frames, and the clamp. For each effect, the changes of the
-dynamic modulus and of the loss factor are estimated.
+The effects are the air, eddy currents in the magnet, the current that the magnet induces in the coil, the exposure of
+the frames, and the clamp. For each effect, the changes of the dynamic modulus and of the loss factor are estimated.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def small_effects(
     The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
     6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
     when it rotates in the field. The magnet also induces a voltage in the coil, and energy is lost in the resistance of
-    the coil. The motion during an exposure reduces all amplitudes by the same factor. A clamp that is much stiffer than
-    the silicone loses no energy.
+    the coil. The motion during an exposure reduces all amplitudes by the same factor, and a clamp that is much stiffer
+    than the silicone loses no energy. The last two effects therefore contribute nothing to the uncertainties.
 
     Parameters
     ----------

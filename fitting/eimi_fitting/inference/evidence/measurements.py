@@ -122,7 +122,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 class Misfit:
     """Distances of measured points from simulated edges or points (residuals), with the error of each state.
 
-        P candidate laws are compared with the measurements in K states.
+    P candidate laws are compared with the measurements in K states.
 
     Parameters
     ----------
