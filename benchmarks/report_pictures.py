@@ -18,15 +18,15 @@ from PIL import Image, ImageChops
 
 WIDTHS_PX = (1400, 800)
 _TALL_PX = 16000  # height of the window, more than the height of any report; the empty part is cut off
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _TIMEOUT_S = 300
 
 
 def browser() -> str:
     """Return the path of Chromium; exit with a message if no browser is installed."""
-    path_of_browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
+    path_of_browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if path_of_browser is None:
-        sys.exit(f"needs one of {', '.join(_BROWSERS)}")
+        sys.exit(f"needs one of {', '.join(BROWSERS)}")
     return path_of_browser
 
 
