@@ -1,4 +1,4 @@
-"""Parts of the estimate of a fit: bounds of the errors of the beam model, wider intervals for few edges, and slopes."""
+"""Parts of the estimate of a fit: model errors, intervals of few edges, slopes, and the linearised evidence."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.interval import estimate
+from eimi_fitting.beam.equilibrium import Status
+from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
+from eimi_fitting.inference.evidence.objective import Evaluation
+from eimi_fitting.inference.interval import considered, covariance, estimate
 from eimi_fitting.inference.interval.estimate import CorrectionEffect
 
 UNKNOWNS: Any = SimpleNamespace(space=SimpleNamespace(lower=np.array([1e3, 1.0]), upper=np.array([1e5, 9.0])))
@@ -120,3 +122,146 @@ def test_the_slopes_of_the_parameters_stay_within_the_bounds_of_the_search(unit:
     assert all(((units >= 0) & (units <= 1)).all() for units in asked)
     if unit == (0.5, 0.3):  # the error of a central difference is the square of the small step
         np.testing.assert_allclose(slopes, expected, rtol=2e-8, atol=1e-9)
+
+
+def test_a_bulk_modulus_and_freed_inputs_have_their_own_columns() -> None:
+    freed = SimpleNamespace(name="width", value=lambda units: 10.0 * units)
+    unknowns: Any = SimpleNamespace(
+        space=SimpleNamespace(law=SimpleNamespace(parameter_names=("mu", "alpha"))),
+        searched=3,
+        freed=(freed,),
+        parameters=lambda units: units[:, :2],
+        bulk_modulus_Pa=lambda units: 1e6 * units[:, 2],
+    )
+    units = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
+    columns = estimate._columns(unknowns, units)
+    assert list(columns) == ["mu", "alpha", "bulk_modulus", "width"]
+    np.testing.assert_allclose(np.stack(list(columns.values()), axis=1), units * [1, 1, 1e6, 10.0])
+    unknowns.bulk_modulus_Pa = lambda units: None
+    assert list(estimate._columns(unknowns, units)) == ["mu", "alpha", "width"]
+
+
+def test_the_noise_of_a_tensile_curve_is_at_least_that_of_a_fit_to_the_curve_alone() -> None:
+    rng = np.random.default_rng(2)
+    z, slopes = rng.normal(size=7), rng.normal(size=(2, 7))
+    curves = [
+        SimpleNamespace(curve=SimpleNamespace(strain=np.zeros(3), weight=50.0), correlation_rows=1.5),
+        SimpleNamespace(curve=SimpleNamespace(strain=np.zeros(4), weight=1e-3), correlation_rows=2.0),
+    ]
+    found = covariance._curves_score_variance(SimpleNamespace(curves=curves), z, slopes)  # type: ignore[arg-type]
+    first, second = slopes[:, :3], slopes[:, 3:]
+    expected = 50.0 * first @ first.T + (z[3:] ** 2).sum() * 2.0 / 4 * second @ second.T
+    np.testing.assert_allclose(found, expected)
+
+
+def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_errors() -> None:
+    """Three tracked points in two states; the residuals, the curves and the priors are linear in two unknowns."""
+    rng = np.random.default_rng(3)
+    distance = np.array([0.1, 0.4])
+    steps = np.array([[0, 0], [0.05, 0], [0, 0.2], [-0.05, 0], [0, -0.2]])
+    at, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
+    residuals = at + np.einsum("pi,ikgn->pkgn", steps, slopes)
+    weights = np.full((2, 2, 3), 0.5)
+    weights[1, :, 2] = 0.0
+    error_mm = np.sqrt((residuals**2 * (weights > 0)).sum(axis=(2, 3)) / weights.sum(axis=(1, 2)))
+    curve_slopes, prior_slopes = rng.normal(size=(2, 4)), rng.normal(size=(2, 1))
+    curves, law_priors = 0.3 + steps @ curve_slopes, -0.2 + steps @ prior_slopes
+    priors = np.tile([0.7], (5, 1))
+    misfit = Misfit(residuals, weights, error_mm, np.zeros((5, 2)))
+    seen: Any = SimpleNamespace(misfits=(misfit,), error_mm=error_mm, objective_mm=error_mm.mean(axis=1))
+    problem: Any = SimpleNamespace(
+        experiments=[SimpleNamespace(observed=SimpleNamespace(sigma_mm=np.full((2, 3), 0.3)))],
+        curves=[],
+        unknowns=SimpleNamespace(prior=np.array([12.0, 1.0])),
+    )
+    optimum: Any = SimpleNamespace(
+        evaluation=Evaluation(seen, curves, priors, law_priors, 99.0), distance=distance, unit=np.array([0.5, 0.4])
+    )
+    about = covariance.linearise(problem, optimum, likelihood_points=8.0)
+    (states,) = about.states
+    counts = np.array([3.0, 2.0])
+    np.testing.assert_allclose(states.slopes, slopes)
+    np.testing.assert_allclose(states.residuals, residuals[0])
+    np.testing.assert_allclose(states.counts, counts)
+    np.testing.assert_allclose(states.weights, 8.0 / (2 * error_mm[0].mean()) / (counts * error_mm[0]))
+    assert states.used is weights
+    np.testing.assert_allclose(about.curve_slopes, curve_slopes)
+    np.testing.assert_allclose(about.law_prior_slopes, prior_slopes)
+    by_state = np.einsum("k,ikgn,jkgn->ij", states.weights, slopes, slopes)
+    np.testing.assert_allclose(about.information, by_state + curve_slopes @ curve_slopes.T)
+    np.testing.assert_allclose(about.prior, np.diag([12.0, 1.0]))
+    assert (about.points, about.likelihood_points) == (5, 8.0)
+    # Each state of tracked points has two independent numbers, x and y.
+    assert about.independent_points == about.noise_points == pytest.approx(4.0)
+    assert about.noise_mm == pytest.approx(error_mm[0].mean())
+    assert about.residual_mm == pytest.approx(np.sqrt((residuals[0] ** 2).sum() / 5))
+    evaluation = Evaluation(seen, curves, priors, np.zeros((5, 0)), 8.0)
+    assert about.objective_mm == pytest.approx(float(evaluation.objective_mm[0]))
+    np.testing.assert_allclose(about.curves, curves[0])
+    np.testing.assert_allclose((about.priors[0], about.law_priors[0]), (0.7, law_priors[0, 0]))
+    # A common shift of all points of a state has the variance of the stated uncertainty or of the residuals.
+    is_used = weights > 0
+    stated = 0.09 * is_used.sum(axis=(1, 2)) / is_used.sum(axis=(1, 2))
+    variance = states.weights**2 * np.maximum(stated, error_mm[0] ** 2 / 2)
+    shifts = slopes.sum(axis=3)
+    np.testing.assert_allclose(about.score_variance, np.einsum("k,ikg,jkg->ij", variance, shifts, shifts))
+    assert covariance.linearise(problem, optimum).likelihood_points == pytest.approx(4.0)
+
+
+class Bending:
+    """A beam whose residuals are 3 times the deviation of an input, and which has no equilibrium beyond `limit`."""
+
+    def __init__(self, limit: float, status: Status = Status.CONVERGED) -> None:
+        self.limit, self.status = limit, status
+        self.solved: list[float] = []
+        self.under: list[dict[str, Any]] = []
+
+    def bent(self, candidate: Any, experiment: Any, setup: list[Any], near: Any = None) -> Any:
+        deviation = sum(size for _, _, size in setup)
+        self.solved.append(deviation)
+        status = self.status if abs(deviation) <= self.limit else Status.DIVERGED
+        return SimpleNamespace(status=np.array([0, status]), every="near", deviation=deviation)
+
+    def experiment(self) -> Any:
+        def misfit(model: str, shapes: Any, setup: list[Any]) -> Any:
+            seen = shapes.deviation + sum(size for key, _, size in setup if key == "camera")
+            return SimpleNamespace(residuals=np.array([[[3.0 * seen + 1.0]]]))
+
+        def under(change: dict[str, Any]) -> Any:
+            self.under.append(change)
+            return changed
+
+        changed = SimpleNamespace(model="coarse", observed=SimpleNamespace(misfit=misfit), under=under)
+        return changed
+
+
+@pytest.mark.parametrize(
+    ("limit", "key", "change", "solved"),
+    [
+        (9.0, "load", 6.0, [0.0, 1.0]),  # half a standard uncertainty of 2
+        (0.2, "load", 6.0, [0.0, 1.0, -1.0, 0.1]),
+        (0.05, "load", None, [0.0, 1.0, -1.0, 0.1]),
+        (9.0, "camera", 6.0, [0.0]),  # the shapes stay the same
+        (-1.0, "load", None, [0.0]),
+    ],
+)
+@pytest.mark.parametrize("status", [Status.CONVERGED, Status.UNSTABLE])
+def test_the_change_by_an_input_is_a_finite_difference_with_the_first_step_that_has_an_equilibrium(
+    monkeypatch: pytest.MonkeyPatch, limit: float, key: str, change: float | None, solved: list[float], status: Status
+) -> None:
+    beam = Bending(limit, status)
+    sources = {
+        "load": SimpleNamespace(parts=("x", "y"), bends=True, changes_shapes=True),
+        "camera": SimpleNamespace(parts=("x", "y"), bends=False, changes_shapes=False),
+    }
+    monkeypatch.setattr(considered, "SOURCES", sources)
+    monkeypatch.setattr(considered, "Setup", SimpleNamespace(of=lambda numbers, candidates: list(numbers)))
+    monkeypatch.setattr(considered, "_bent", beam.bent)
+    monkeypatch.setattr(considered, "coarse_model", lambda specimen: "coarse")
+    monkeypatch.setattr(considered, "replace", lambda experiment, **changes: beam.experiment())
+    candidate: Any = SimpleNamespace(freed=[])
+    experiment: Any = SimpleNamespace(model=SimpleNamespace(specimen="specimen"))
+    (found,) = considered.changes_by(candidate, experiment, [(key, 1, 2.0)])
+    assert found is None if change is None else found == pytest.approx(np.array([[change]]))
+    assert beam.solved == pytest.approx(solved)
+    assert [list(under["load"]) for under in beam.under] == [[0.0, size] for size in beam.solved[1:]]
