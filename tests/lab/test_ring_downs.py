@@ -117,6 +117,9 @@ def test_a_supply_that_cannot_be_set_to_zero_ends_the_ring_down_and_the_run(setu
         setup.run()
     assert setup.stored() == [0.0, 0.1, 0.2, 0.3]
     assert not setup.coil.state.output
+    ((step, stored, _),) = ring_downs(setup.path)
+    # The step has no time of its own: it is stored as at the beginning of the recording.
+    assert (step.uncertainty_s, step.rate_Hz, step.frames, step.lost) == (0.0, 0.0, len(stored), 0)
 
 
 def test_after_ctrl_c_the_recorded_frames_of_the_ring_down_are_stored(setup: Any) -> None:
