@@ -1,4 +1,4 @@
-"""The complete chain of commands works as a user runs it."""
+"""A user's commands work one after another: a demonstration, fits of its dataset, and validations of the fits."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_edges_become_labelled_arrays(demonstration):
 
 
 def test_a_validation_uses_the_inputs_that_the_fit_has_estimated(demonstration, done, tmp_path):
-    """On the dataset of the fit, the validation has the errors of the fit, because it uses the estimated inputs.
+    """On the dataset of the fit, a validation gives the same errors as the fit, because it uses the estimated inputs.
 
     On any other dataset, all inputs have the values in the files.
     """

@@ -1,4 +1,7 @@
-"""The effect of a Poisson's ratio below one half agrees with Young's modulus in beam theory."""
+"""The bending of a beam of compressible silicone agrees with beam theory.
+
+In beam theory, a Poisson's ratio below one half changes Young's modulus, and thereby the bending.
+"""
 
 from dataclasses import replace
 

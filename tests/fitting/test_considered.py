@@ -86,7 +86,7 @@ def thicker() -> Fit:
 
 @pytest.fixture(scope="module")
 def magnetic() -> Fit:
-    """The fit of a beam whose file is exact, with a magnet whose moment has an uncertainty of 2 per cent."""
+    """The fit of a beam whose file gives the true values, and an uncertainty of 2 per cent for the magnetic moment."""
     return fitted(experiment(noisy_edges(), remanence=0.02))
 
 

@@ -39,7 +39,7 @@ def test_the_exchange_finds_the_best_of_all_choices() -> None:
     """The exchange algorithm, which replaces one chosen state at a time, finds the best of 120 choices.
 
     The choices are all choices of three states (coil currents) out of ten.
-    One source of uncertainty affects some states more than others, so that the choice matters.
+    One uncertain input affects some states more than others, so that the choice matters.
     """
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))
@@ -49,7 +49,7 @@ def test_the_exchange_finds_the_best_of_all_choices() -> None:
 
 
 def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
-    """No choice of states reduces the effect of the coil constant without gravity: 1 % changes the modulus by 1 %.
+    """Without gravity, an error of 1 % of the coil constant changes the modulus by 1 %, whatever states are chosen.
 
     The edges then depend only on the ratio of field and modulus.
     """
@@ -137,9 +137,9 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 
 
 def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
-    """The noise in a plan decreases with the square root of the number of independent points of the earlier fit.
+    """The half-width from noise in a plan is halved if the edges of the earlier fit have four times as many points.
 
-    Student's factor is 2.2 for four states.
+    The points are points that count as independent. Student's factor of a plan with four states is 2.2.
     """
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))

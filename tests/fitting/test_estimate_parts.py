@@ -1,4 +1,8 @@
-"""Parts of the estimate of a fit: model errors, intervals of few edges, slopes, and the linearised evidence."""
+"""Parts of the estimate of a fit are right for numbers that can be checked by hand.
+
+The parts are the bounds of the errors of the beam model, wider intervals if there are few edges, the derivatives of the
+parameters with respect to the coordinates of the search, and the linearised evidence.
+"""
 
 from __future__ import annotations
 

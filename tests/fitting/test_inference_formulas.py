@@ -300,7 +300,10 @@ def test_numbers_are_stored_with_seven_digits() -> None:
 
 
 def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
-    """Return states of one edge each: `residuals` (K, m) and `slopes` (n, K, m), all points used, and weight 1."""
+    """Return K states of one edge with m points each, all of which are used with the weight 1.
+
+    residuals: shape (K, m). slopes: their derivatives with respect to n unknowns, shape (n, K, m).
+    """
     count = np.full(len(residuals), float(residuals.shape[1]))
     error = np.sqrt((residuals**2).mean(axis=1))
     return LinearStates(
@@ -745,9 +748,10 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:
-    """The distance of a prior is its residual at the optimum without this prior, over the standard deviation.
+    """The distance of a prior is its residual at the optimum without this prior, divided by a standard deviation.
 
-    The variance of this residual is the sum of the variances of the prior and of the fit without the prior.
+    The standard deviation is that of the residual. Its square is the sum of the variances of the prior and of the fit
+    without the prior.
     """
     about = evidence()
     shift = np.linalg.solve(about.hessian, about.score)
@@ -806,7 +810,10 @@ def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> Non
 
 
 def noisy(error_mm: list[float], seed: int = 4) -> LinearStates:
-    """Return states of two edges of 40 points each whose residuals are white noise with these errors."""
+    """Return states whose residuals are white noise; each state has two edges of 40 points.
+
+    error_mm: root mean square of the residuals of each state (mm).
+    """
     rng = np.random.default_rng(seed)
     residuals = rng.normal(size=(len(error_mm), 2, 40))
     residuals *= (np.array(error_mm) / np.sqrt((residuals**2).mean(axis=(1, 2))))[:, None, None]

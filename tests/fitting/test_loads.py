@@ -171,7 +171,7 @@ def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_li
 def cylinder(n):
     """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and a pressure on its inner face.
 
-    n: number of elements over the thickness.
+    n: number of elements across the thickness.
     """
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))

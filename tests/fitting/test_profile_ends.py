@@ -1,4 +1,7 @@
-"""The ends of intervals by the profile likelihood, for deviances whose ends are known in closed form."""
+"""The ends of intervals, which the profile likelihood gives, are right for deviances with ends in closed form.
+
+The deviance is twice the decrease of the log-likelihood from its maximum.
+"""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
     """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and the nodes on its inner face.
 
-    n: number of elements over the thickness.
+    n: number of elements across the thickness.
     """
     mesh = mapped_mesh(
         2 * n,

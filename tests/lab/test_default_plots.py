@@ -24,7 +24,7 @@ def default_plot(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def put_edges(path: Path) -> None:
-    """Store edges of a hanging beam of 10 mm in a dataset, whose tip is 1 mm further right in each state.
+    """Store edges of a hanging beam of 10 mm in a dataset; in each state, the tip is 1 mm farther right than before.
 
     The last state gets no edges.
     """

@@ -386,7 +386,7 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
 def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: Any) -> None:
     """A message names the states in which the camera lost frames.
 
-    The camera loses a frame before the states, two frames in state 1, and one frame in state 2, in which it then fails.
+    The camera loses one frame before the first state, two frames in state 1, and one frame in state 2. Then it fails.
     """
     lost = setup.camera.lost_frames = Counter({"late": 1})
     did: list[Any] = []

@@ -134,7 +134,7 @@ def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: R
 def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> None:
     """One mixture of the colours shows the beam in all states, also if one state is darker than the other.
 
-    The pale beam and its green background have the values 119 and 113 in green, and 120 and 55 in red.
+    The pale beam and its green background differ clearly in red (120 and 55), and hardly in green (119 and 113).
     """
     calibration = load_calibration(files / "calibration.toml")
     images = [

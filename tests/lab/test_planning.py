@@ -172,7 +172,9 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
 
 @pytest.mark.parametrize("against_a_rival", [False, True])
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
-    """The first run of a plan has the narrowest interval or, with a rival law, the largest difference of AIC.
+    """The first run of a plan has the narrowest interval or, with a rival law, distinguishes the two laws best.
+
+    The criterion for the laws is the difference of their AIC (Akaike's information criterion).
 
     The runs differ in their mounting, such as the direction of gravity.
     """

@@ -40,7 +40,7 @@ settle = { noise_ratio = 1.5, pairs = 2, drift_window_s = 0.5, timeout_s = 5.0 }
 
 @pytest.fixture
 def recorded(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """The path of a dataset of two states, each with a recording of creep, and of one ring-down.
+    """The path of a dataset with one ring-down (free vibration) and two states, each with a recording of creep.
 
     With the parameter "colour", the frames are coloured, and the beam differs from its background most in red.
     """

@@ -85,10 +85,10 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 
 
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
-    """Return a picture that was sampled along a beam of 24 px width and across it, 1/12 and 1/24 of a width apart.
+    """Return a noisy picture that was sampled along and across a beam of 24 px width.
 
-    colours: grey values without noise, shape (n, 53), for n places along the beam and 53 places across it. turn_rad: by
-    how much the beam turns in a width, rad.
+    colours: grey values without noise, shape (n, 53), for n places along the beam (1/12 of a width apart) and 53 places
+    across it (1/24 of a width apart). turn_rad: rotation of the beam for each width of its length, rad.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0
@@ -112,7 +112,7 @@ def bright_beam(stations: int) -> Array:
 
 
 def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The runs of an edge are joined over the gaps, and the direction of the edge is measured once for each run."""
+    """The pieces of an edge with gaps are joined, and the direction of the edge is measured once for each piece."""
     measured_directions = []
 
     def svd(*arguments: object, **options: object) -> object:
@@ -132,10 +132,11 @@ def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(mo
 
 
 def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_edge_is_sure() -> None:
-    """A stain of the background's colour hides the left edge of a strongly bent beam over two widths.
+    """If a stain hides a part of one edge of a strongly bent beam, the edge is followed behind the stain.
 
-    The straight continuation of the left edge does not lead to the part behind the stain, but the other edge does. An
-    edge behind the stain that belongs to a wider body is not the same edge.
+    The stain has the colour of the background, and hides the left edge along two widths of the beam. The straight
+    continuation of the left edge would miss the part behind the stain, so that the right edge guides the search. If
+    the body behind the stain is wider than the beam, its edge does not count as the edge of the beam.
     """
     stained = bright_beam(120)
     stained[48:72, :21] = 50.0
@@ -151,9 +152,10 @@ def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_
 
 @pytest.mark.parametrize(("region", "moved"), [(130.0, True), (230.0, False)])
 def test_the_stated_width_tells_an_edge_from_the_border_of_a_shadow_in_grey(region: float, moved: bool) -> None:
-    """A dark beam lies beside a dark region (a shadow) or a bright region, whose border was taken for its edge.
+    """If the border of a dark region was taken for the edge of a beam, the edge is found by the width in the file.
 
-    The border makes the beam 1.38 times as wide as stated. A bright region is not a shadow.
+    With the border as its edge, the beam would be 1.38 times as wide as its file says. The dark region is then taken
+    for a shadow. If the region is bright, it is no shadow, and the border remains the edge.
     """
     colours = 250.0 - bright_beam(120)
     colours[:, 38:47] = region

@@ -172,7 +172,8 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
     """An edge that is reliable on half of its length is doubtful if the gaps are short, and unusable with one long gap.
 
-    The edge has 400 stations, which are places along the beam. Ten of every twenty are reliable, or the first half.
+    The edge has 400 stations, which are places along the beam. In the edge with short gaps, ten of
+    every twenty stations are reliable; in the edge with a long gap, the first 200 stations are reliable.
     """
     place = np.arange(400)
     flags_of_cases = []
@@ -324,9 +325,10 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
-    """Two clicks that lie 8 px on either side of a straight beam do not exclude the beam.
+    """Two clicks that lie 8 px on either side of a straight beam do not exclude the beam from the search.
 
-    The clicks are far from the clamp and 40 px apart. A strip along the true beam has no cost.
+    The clicks are far from the clamp and 40 px apart. The true beam lies within the strip about the clicked line in
+    which the search costs nothing.
     """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()

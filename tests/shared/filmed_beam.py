@@ -36,8 +36,9 @@ LEVEL = Calibration(
 class Flick:
     """A strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
 
-    row_time_s: time between the readout of two rows of pixels (s). tilt: relative change of the scale over the picture,
-    because the phone is not parallel to the strip. size: (width, height) of the film in px.
+    row_time_s: time between the readout of two rows of pixels (s). tilt: relative change of the scale from the left to
+    the right side of the picture, because the phone is not parallel to the strip. size: (width, height) of the film in
+    px.
     """
 
     frequency_Hz: float = 6.0

@@ -199,7 +199,7 @@ def read(path: Path) -> str:
 def serve(pipe: Connection, recover: bool) -> None:
     """Read each file whose path arrives in the pipe, and send back the outcome and the words that were printed.
 
-    recover: whether each file is recovered instead. The function ends when None arrives.
+    recover: whether each file is recovered instead of read. The function ends when None arrives.
     """
     if recover:
         limit_memory(MEMORY_BYTES)

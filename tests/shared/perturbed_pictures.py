@@ -37,7 +37,7 @@ def _noisy(deviation: float) -> Change:
 
 
 def _lit_from(direction: tuple[float, float]) -> Change:
-    """Return a change of the light from 0.5 times to 1.3 times the brightness across the picture."""
+    """Return a function that multiplies the brightness of a picture by 0.5 at one side and 1.3 at the other side."""
 
     def change(image: Image) -> Image:
         high, wide = image.shape[:2]

@@ -59,7 +59,10 @@ class PictureScore:
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
     def silent(self, edges: EdgeSet) -> bool:
-        """Whether edges that a fit uses without a doubt are wrong by more than three uncertainties of the reference."""
+        """Whether the edges are wrong without any flag (warning), so that a fit would use them.
+
+        Edges are wrong if their error `rms` is above three standard uncertainties of the traced edges.
+        """
         flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
         return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
 

@@ -229,7 +229,7 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
 def felupe_drop(specimen: Specimen, mu: float, cells: tuple[int, int, int]) -> float:
     """Return by how many mm the tip of a horizontal beam sinks under its weight, as FElupe computes it.
 
-    FElupe uses trilinear bricks with mean dilatation. cells: numbers of elements along, across, and over half of the
+    FElupe uses trilinear bricks with mean dilatation. cells: numbers of elements along, across, and in half of the
     depth.
     """
     import felupe

@@ -26,7 +26,7 @@ class Row:
     silicone
         Parameters in Pa, all of them non-zero, for which the law is stable everywhere.
     candidates
-        Hypothesis strategy for parameters of any sign.
+        Strategy of the package Hypothesis, which generates parameters of any sign.
     recovered
         Relative tolerance within which a tensile fit returns the parameters of a simulated curve. None if the fit only
         reproduces the curve.

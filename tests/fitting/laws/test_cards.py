@@ -200,8 +200,8 @@ def test_a_card_for_sofa_has_the_constants_of_its_source_or_is_refused() -> None
 def test_a_card_for_sofa_names_the_versions_for_which_it_is_valid() -> None:
     """A card for SOFA names the versions of SOFA for which it is valid.
 
-    SOFA v25.12 changed its Ogden law and the order of the constants; v26.06 is the last version without the new
-    element.
+    SOFA v25.12 changed its Ogden law and the order of the constants. The versions after v26.06 also have another
+    element (HyperelasticityFEMForceField); a comment in the card gives its constants.
     """
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     for chosen, component in (
