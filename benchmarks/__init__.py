@@ -31,7 +31,7 @@ picture_overlays    pictures of edges for the documentation
 seeds               the error of the modulus, for every law and five seeds of noise and search
 coverage            the share of 95 % intervals that contain the true value
 plan                widths of the modulus intervals from planned and from equally spaced fields
-time                frequencies, losses and Prony series, compared with references and hidden materials
+time                frequencies, loss factors and Prony series, compared with references and hidden materials
 discover            how often `eimi discover` names the terms of hidden laws
 second_worker       the time that a second worker process saves
 storage             frames stored per second

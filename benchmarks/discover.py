@@ -110,8 +110,8 @@ def outcome(case: Case) -> Outcome | None:
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
     """Return "right" if a discovery names exactly the terms of the hidden law, and "wrong" if it names other terms.
 
-    The hidden law is the law with which the measurements were simulated. The result is "open" if the discovery does not
-    identify the terms, or is None.
+    The hidden law is the law with which the measurements were simulated. The result is "open" (not identifiable) if
+    the discovery does not identify the terms, or is None.
     """
     if discovery is None or not discovery.identified:
         return "open"

@@ -119,9 +119,9 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 def _called_off_too_early(trial: Trial) -> list[str]:
     """Return the messages that reported the coil as off while the true current was above the limit.
 
-    The limit is the current in the message itself or, if the message contains no limit, in the last earlier message
-    that contains a limit. If no message contains a limit, the limit is `OFF_A`, the smallest limit of all families of
-    supplies.
+    The limit is the current below which the coil counts as off. It is read from the message or, if the message contains
+    no limit, from the last earlier message with a limit. If there is none, the limit is `OFF_A`, the smallest limit of
+    all families of supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):

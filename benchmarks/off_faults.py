@@ -144,9 +144,9 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the name of a line to a supply for the name of a fault.
+    """Return the part of a fault's name that describes the line to the supply.
 
-    The name is the transport. If the line is not in `LINES`, the driver follows.
+    It is the transport, such as "tcp". If the line is not in `LINES`, the name of the driver follows.
     """
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 

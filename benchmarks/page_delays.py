@@ -79,13 +79,13 @@ class TimedSupply(CoilSupply):
         return not self.state.output and abs(self.coil_current_A()) <= LEAST_OFF_A
 
     def switch(self, on: bool) -> bool:
-        """Switch the output, and note the time at which it was switched off."""
+        """Switch the output, and record the time if this switches the supply off."""
         obeyed = super().switch(on)
         self._note(not on and not self._output_stays_on)
         return obeyed
 
     def set_current(self, current_A: float) -> bool:
-        """Set the current (A), and note the time of a current of zero if this switches the supply off."""
+        """Set the current (A), and record the time if a current of zero switches this supply off."""
         accepted = super().set_current(current_A)
         self._note(current_A == 0 and self._output_stays_on)
         return accepted
@@ -246,7 +246,7 @@ def memory_MB(server: int) -> dict[str, float]:
 
 
 def stream(minutes: float) -> None:
-    """Run a measurement whose pictures the page shows, and print the memory of its processes once a minute.
+    """Run a measurement whose pictures the page shows, and print the memory of the server's processes once a minute.
 
     `minutes` is the duration of the measurement.
     """

@@ -7,7 +7,8 @@ a person traced in the original photograph (see `benchmarks.real_pictures`), in 
 A picture is *refused* if no edges are returned or a flag marks them as unusable. It is *silent* if no flag marks the
 edges as doubtful and the edges are off by more than three uncertainties of the traced edges (root mean square). Other
 pictures are *right* if they are good by the rules of `benchmarks.real_pictures`, *doubted* if a flag marks the edges as
-doubtful, and else *thin*. No picture may be silent.
+doubtful, and else *thin*: too few points, or distances that are larger than these rules allow. No picture may be
+silent.
 
 --change NAME     Make only the change NAME; the option may be given several times.
 --overlay FOLDER  Draw the detected edges of the pictures that are not right into pictures in a folder.

@@ -9,7 +9,8 @@ axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
 --clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
 pictures `refusal` is left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
---chance DRAWS    Draw random scatter with the correlation of the observed scatter. For each edge, print the 95 % range
+--chance DRAWS    Show how far chance alone changes the ratio of stated to observed deviation: draw random scatter with
+the correlation of the observed scatter. For each edge, print the 95 % range
 of the ratio of stated to observed deviation, and the median of the ratio of stated to true deviation.
 """
 

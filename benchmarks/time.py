@@ -1,4 +1,4 @@
-"""Verify frequencies, losses and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
+"""Verify frequencies, loss factors and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
 
 The first table compares the frequencies with Euler-Bernoulli beams, and the complex frequency of one mode with closed
 forms. The table also compares the complex frequency of small vibrations with a solution in time, which has another mesh

@@ -155,7 +155,7 @@ def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: 
     name : str
         The name of the method.
     subject : object
-        The driver's object that is called like the method.
+        The driver's own method, class or function, whose arguments are compared with the arguments of `member`.
     member : callable
         The method in the interface (a `typing.Protocol`), which defines the arguments.
     owner : object

@@ -1,7 +1,7 @@
 """The study of eimi_lab repeats the evaluation of Di Lecce et al. (2022) with simulated materials.
 
-The materials follow none of the fitted laws. The study stores its results in parts, and compares the claims of the paper
-with its results.
+The materials follow none of the fitted laws. The study stores its results in parts, and compares the claims of the
+paper with its results.
 """
 
 from __future__ import annotations

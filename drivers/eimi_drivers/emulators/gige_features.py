@@ -149,9 +149,9 @@ def _converted(name: str, address: int, to_register: str, from_register: str, sm
     address : int
         The address of the register.
     to_register : str
-        The formula that computes the register from the number, which is FROM in the formula.
+        The formula for the value of the register. In this formula the number is called FROM.
     from_register : str
-        The formula that computes the number from the register, which is TO in the formula.
+        The formula for the number. In this formula the value of the register is called TO.
     smallest, largest : int
         The bounds of the register.
     """

@@ -76,6 +76,6 @@ def check_address(address: str) -> None:
 
 
 def is_serial_port(address: str) -> bool:
-    """Return whether an address is a VISA resource of a serial port or, without ``::``, the name of a serial port."""
+    """Return whether an address is a serial port: a VISA resource of a port, or the name of a port (without ``::``)."""
     place = split_address(address)[0]
     return "::" not in place or _VISA_SERIAL.fullmatch(place) is not None
