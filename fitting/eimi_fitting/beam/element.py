@@ -308,7 +308,7 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return the volume residuals (E, B, 3) of E elements for B candidate laws.
+    """Return the volume residuals (E, B, 3) of E elements for B candidate laws, which are zero at equilibrium.
 
     Residual k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
     deformation gradient, p is the pressure and K is the bulk modulus.

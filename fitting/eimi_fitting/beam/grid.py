@@ -56,8 +56,8 @@ class Grid:
     """The planar mesh of a specimen.
 
     Elements are shorter near the clamp, and also near the magnet if there is a magnet. Away from the clamp and the
-    magnet, the size of the elements approaches the normal size over half a width of the beam. The disturbance of a
-    clamped end decays over a similar distance.
+    magnet, the size of the elements approaches the normal size within about half a width of the beam. The disturbance
+    of a clamped end decays over a similar distance.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ class Grid:
         Number of elements across the width. If the magnet is narrower, there are at least half of this number (rounded
         up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
-        Draw lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these lines
-        if there is silicone before and behind the magnet.
+        Put mesh lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these
+        lines if there is silicone before and behind the magnet.
 
     Attributes
     ----------

@@ -80,8 +80,8 @@ def graded(
 ) -> Array:
     """Return the n + 1 coordinates in mm that divide a length into n elements of graded size, shape (n + 1,).
 
-    Relative to the middle, elements are shorter by the factor ``1 + finer_at_start`` at the start and by the factor
-    ``1 + finer_at_end`` at the end. The factors decay exponentially to 1 over ``fade_mm``.
+    Relative to the middle, elements are shorter at the start by the factor ``1 + finer_at_start``, and at the end by
+    ``1 + finer_at_end``. The factors fall to 1 exponentially with the distance from the end (decay length ``fade_mm``).
 
     Without ``steps_mm`` there are n = ``count`` elements. With ``steps_mm``, each of these coordinates is a boundary
     between two elements. Additional elements are put around these boundaries, so that the other elements keep their

@@ -416,7 +416,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
     """Return the configuration under a load, extrapolated from the states of a path by Lagrange's polynomial.
 
-    The result is None if the last states and the new load do not lie on a straight line of loads.
+    The result is None if the loads of the last states and the new load do not lie on a straight line.
     """
     if len(path) < 2:
         return None

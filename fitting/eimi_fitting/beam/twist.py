@@ -73,7 +73,8 @@ def twist_per_tilt(
     Parameters
     ----------
     middle_mm : ndarray, shape (K, S, 2)
-        Positions (x, y) of the stations on the middle line of the bent beam in mm, from the clamp to the magnet.
+        Positions (x, y) of the S stations (cross-sections) on the middle line of the bent beam in mm, from the clamp to
+        the magnet.
     moment_N_m : ndarray, shape (K, S - 1)
         Bending moment in the plane between the stations in N m, from +x toward +y.
     force_N : ndarray, shape (K, S - 1, 2)

@@ -170,9 +170,8 @@ def fixed_point(
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
     """Return the lowest squared angular frequencies for each of q ratios r, (B, q, count) in 1/s².
 
-    A ratio r is the modulus in a vibration divided by the modulus of the equilibrium.
-
-    They are the eigenvalues of the stiffness r K_m + K_g and the mass M.
+    The ratio r is the modulus in a vibration divided by the modulus of the equilibrium. The squared frequencies are the
+    eigenvalues of the stiffness r K_m + K_g and the mass M.
 
     material, rest, mass: K_m, K_g and M of B candidate laws, reduced to m shapes, (B, m, m): stiffness due to the
     tangent of the law, stiffness due to stresses and loads, mass. stiffening: the q real ratios r, (q,).

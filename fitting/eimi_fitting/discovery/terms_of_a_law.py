@@ -165,7 +165,8 @@ def discover(
     curves : sequence of TensileCurve
         Tensile curves of the same material; may be empty if there is an experiment.
     library : sequence of Term
-        Terms with fixed exponents or limits. At least one must contribute to the initial shear modulus.
+        The possible terms, each with fixed numbers (Jm, b or alpha of `Term`). At least one must contribute to the
+        initial shear modulus.
     most_terms : int
         Largest number of terms of a law.
     lot : float

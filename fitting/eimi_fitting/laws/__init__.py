@@ -9,7 +9,7 @@ sum_of_terms   a law that is a sum of chosen terms and linear in its coefficient
 invariants     base classes for laws that are functions of the invariants I1 and I2
 prony          the relaxation of a quasi-linear viscoelastic material
 stability      Drucker's stability criterion and the largest stretch up to which a law fulfils it
-stable_cells   proof of stability over cells of stretches, for Ogden's law
+stable_cells   proof of stability for whole ranges (cells) of stretches, for Ogden's law
 known_laws     the dictionary of the laws by their names
 search_space   conversion from the unit cube, in which the search moves, to a law's parameters
 tensile        engineering stress in uniaxial tension, and the least-squares fit of a tensile test

@@ -1,4 +1,4 @@
-"""Identify the viscoelastic (Prony) law of a soft beam from ring-downs, creep and its static states.
+"""Identify the viscoelastic (Prony) law of a soft beam from ring-downs (free vibrations), creep and static states.
 
 measured        `Motion`, a recorded ring-down or creep
 channels        the coordinates of points over time, cleaned of gaps and outliers
@@ -7,7 +7,7 @@ decay_windows   frequency and loss of a ring-down in time windows
 decay_checks    whether the fitted vibrations describe a ring-down
 modal_fit       damped vibrations, fitted to the signals of a ring-down
 exposure        the amplitudes of a decay, corrected for the exposure of the frames
-ringing         the frequencies at which a specimen rings, for any modulus and relaxation
+ringing         the frequencies of a specimen's free vibrations, for any modulus and relaxation
 slow_motion     the rotation of the tip after a step of the load
 loaded_creep    creep of a loaded beam for a given viscoelastic law
 terms           the unknowns of a viscoelastic law: the modulus and the terms of the Prony series

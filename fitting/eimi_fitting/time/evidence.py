@@ -166,8 +166,8 @@ class LoadHistory:
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
         """Return the history of the loads of K states.
 
-        For each load, the rotation of the tip is computed for seven shear moduli. The moduli and rotations give the
-        curve of the load's moment.
+        For each load, the rotation of the tip is computed for seven shear moduli. The product of modulus and rotation
+        is the moment of the load, and the seven moments give the curve of the load (`loaded_creep.LoadCurve`).
 
         Parameters
         ----------

@@ -6,8 +6,8 @@ complex rate s, the modulus is the equilibrium modulus times the complex ratio r
 eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
 lambda/r gives lambda for any complex r.
 
-The ratios of the frequencies of the solid model to the frequencies of the planar model are computed once, at the middle
-modulus.
+The frequencies are those of a planar model. The ratios of the frequencies of the solid model to these frequencies are
+computed once, at the middle of the equilibrium moduli.
 """
 
 from __future__ import annotations
@@ -111,9 +111,9 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the same beam and loads with deviations in the quantities that the sources of uncertainty describe.
+        """Return the same beam and loads with deviations of uncertain inputs, such as the width, from stated values.
 
-        deviations: the deviations from the nominal values, by the keys of `SOURCES`.
+        deviations: the deviations by the keys of `SOURCES`.
         """
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,

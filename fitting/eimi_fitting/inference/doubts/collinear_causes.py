@@ -39,7 +39,7 @@ _LARGEST_CLASS = 3
 def classes(
     remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
 ) -> list[tuple[int, ...]]:
-    """Return the classes of causes (possible errors of the bench) that the residuals do not distinguish.
+    """Put causes (possible errors of the bench) that the residuals do not distinguish into one class.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def classes(
     Returns
     -------
     list of tuple of int
-        The indices of the causes in each class, the cause with the largest evidence first. Every cause belongs to one
-        class, which may have one member.
+        The indices of the causes in each class (group), the cause with the largest evidence first. Every cause belongs
+        to one class, which may have one member.
     """
     counts = np.asarray(amplitudes)
     explained = remaining[0] - remaining[1:]

@@ -40,8 +40,9 @@ class Projection:
         For each experiment, the values of D orthonormal polynomials at m points in G groups (edges) and K states; zero
         for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, the rotation of the K states to independent combinations (``over_states``) and the rotation
-        of the G groups to independent combinations (``over_groups``).
+        For each experiment, the matrix that replaces the K states by K linear combinations of states (``over_states``),
+        and the matrix that does so for the G groups (``over_groups``). The coefficients of the unexplained error are
+        independent in these combinations.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no error of the
         bench in `POSSIBLE_CAUSES` explains (``error``).
@@ -70,10 +71,10 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of N coefficients in mm^2, (N,), due to smooth errors of the size of ``moves``.
+        """Return the variance of N coefficients in mm^2, (N,), due to an error that is smooth along the edges.
 
-        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The variances have the same ratios as the
-        variances ``error`` of an unexplained error, and are scaled by the mean square of ``moves`` in each experiment.
+        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The error is as large as ``moves``: the
+        variance is ``error``, times the mean square of ``moves`` in each experiment.
         """
         parts, first = [], 0
         for basis in self.bases:

@@ -315,10 +315,10 @@ def _lagging(loads: Loads, amplitudes: Array) -> Loads:
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a field that varies in space: two gradients and a curvature along the axis of the coil.
+    """Return the loads with a field that varies in space: with two gradients, and a curvature along the coil's axis.
 
-    The three amplitudes are changes of the field as shares per metre: the two gradients, and the change of the gradient
-    at 10 mm from the centre due to the curvature.
+    A gradient is the relative change of the field strength per metre. The three amplitudes are the gradients along x
+    and along y of the beam, and the gradient at 10 mm from the centre that the curvature causes.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))

@@ -22,8 +22,8 @@ the beam, the silicone in front of the magnet and behind the magnet is soft. The
 per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
 noise, and is therefore computed again at each new optimum until the modulus hardly changes. The residuals belong to the
 solid on its own mesh. The change by a finer planar mesh is not added, because the corner singularities differ: the
-cross-section at the clamp is free in plane stress and restrained in the solid. A solid of 20 x 2 elements gives a
-modulus within 0.1 % of the modulus of 36 x 4 elements, with the change by a finer planar mesh and without it.
+cross-section at the clamp is free in plane stress and restrained in the solid. The moduli from solids of 20 x 2 and of
+36 x 4 elements differ by less than 0.1 %, whether the change by a finer planar mesh is added or not.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments with changes that turn the residuals of a candidate into residuals of a better model.
+    """Return the experiments with a ``change`` that turns a candidate's residuals into residuals of a better model.
 
     Parameters
     ----------

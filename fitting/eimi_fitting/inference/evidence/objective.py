@@ -161,9 +161,10 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an evaluation with the corrections of this problem in place of those of the problem ``before``.
+        """Replace the corrections of the problem ``before`` in an evaluation by the corrections of this problem.
 
-        Corrections by better beam models are added to the residuals. The two problems may differ only in corrections.
+        Corrections by better beam models are added to the residuals. ``evaluation`` was computed for ``before``. The
+        two problems may differ only in corrections.
         """
         comparison = evaluation.comparison
         misfits = tuple(

@@ -116,7 +116,7 @@ class Moves:
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the effect of each source of uncertainty on the modulus, and the quantity to measure next.
+    """Return the effect of each uncertain input (source) on the modulus, and the quantity to measure next.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def budget(
 def budget_entries(
     sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each source of uncertainty on the initial shear modulus, the largest effect first.
+    """Return the effect of each uncertain input (source) on the initial shear modulus, the largest effect first.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Make random draws from the joint distribution of all uncertain quantities of a fit. Intervals are their quantiles."""
+"""Make random draws from the joint distribution of all uncertain quantities of a fit.
+
+The intervals of a fit are quantiles of the draws.
+"""
 
 from __future__ import annotations
 
@@ -112,7 +115,7 @@ def draw_parameters(
     modulus: Callable[[Array], Array],
     seed: int = 1,
 ) -> Draws:
-    """Draw the parameters of a law from the 95 % intervals and the correlation of the errors of the parameters.
+    """Draw parameters of a law at random, from their 95 % intervals and the correlation of their errors.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the optimum of a fit by a correction of the residuals to a better beam model.
+    """The change of the optimum of a fit when the residuals are corrected to a better beam model.
 
     A better model has a finer mesh or is three-dimensional.
 
@@ -76,7 +76,8 @@ class Effect:
     share : float, optional
         Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
     least_percent : float
-        Smallest 95 % bound of the remaining error of the modulus, in per cent.
+        Least value of the 95 % bound of the remaining error of the modulus, in per cent. The bound is not smaller, even
+        if ``share`` gives a smaller one.
     """
 
     correction: Correction

@@ -115,7 +115,7 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """S states of one specimen that could be measured, linearised in n unknowns and c sources of uncertainty.
+    """S states of one specimen that could be measured, linearised in n unknowns and c uncertain inputs (sources).
 
     J are the derivatives of the edges in the unknowns, in mm. C are the changes of the edges for one standard
     uncertainty of each source, in mm. w is the inverse variance of an independent edge point in 1/mm^2. The goal
@@ -205,10 +205,10 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
 
-        For the noise, the bound assumes that every state determines the quantity as well as the best state. For the
-        sources of uncertainty, the error is a weighted mean of the errors of estimates from single states. The weights
-        are non-negative and their sum is one. Non-negative least squares gives the weights with the smallest sum of
-        squared errors.
+        For the noise, the bound assumes that every state determines the quantity as well as the best state. For an
+        error of an uncertain input, the estimate from several states is a weighted mean of the estimates from single
+        states, and its error is the same weighted mean of their errors. The weights are non-negative and their sum is
+        one. Non-negative least squares gives the weights with the smallest sum of squared errors.
 
         Raises
         ------

@@ -86,7 +86,8 @@ class ModulusSoFar:
     states : int
         Number of states that the estimate uses.
     limited_by : str
-        The source with the largest effect on the interval, in words: a stated uncertainty, or the noise of the edges.
+        The cause of uncertainty with the largest effect on the interval, in words: an uncertain input, or the noise of
+        the edges.
     bounds_Pa : tuple of float
         Lower and upper bound of the modulus in the search, in Pa. The next estimate uses the same bounds.
     unit : ndarray, shape (1,)

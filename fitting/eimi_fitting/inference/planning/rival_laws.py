@@ -37,9 +37,9 @@ Array = NDArray[np.float64]
 class Rivals:
     """S states that could distinguish a first law from a second law, the rival.
 
-    The states are linearised in m quantities: the unknowns of the rival and the sources of uncertainty. J are the
-    derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges of the rival from the
-    edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
+    The states are linearised in m quantities: the unknowns of the rival and the uncertain inputs (sources of
+    uncertainty). J are the derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges
+    of the rival from the edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
 
     Attributes
     ----------
