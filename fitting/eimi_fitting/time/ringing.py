@@ -6,8 +6,9 @@ complex rate s, the modulus is the equilibrium modulus times the complex ratio r
 eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
 lambda/r gives lambda for any complex r.
 
-The frequencies are those of a planar model. The ratios of the frequencies of the solid model to these frequencies are
-computed once, at the middle of the equilibrium moduli.
+The modes are computed with a planar model, and the frequencies are multiplied by the ratio of the solid model's
+frequency to the planar model's frequency. The ratio is computed once for each mode, at the middle of the equilibrium
+moduli.
 """
 
 from __future__ import annotations
