@@ -14,7 +14,7 @@ import pytest
 
 from eimi_drivers.interfaces import Identity, InstrumentError
 from eimi_lab.acquisition import guardian as module
-from eimi_lab.acquisition.guardian import Guardian, Ward, guarding
+from eimi_lab.acquisition.guardian import Guardian, StoodStill, Ward, guarding
 
 WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
@@ -200,3 +200,26 @@ def test_a_guardian_that_is_not_armed_is_ended_at_the_end(process: Process) -> N
 
 def test_the_limits_of_the_guardian_are_those_of_the_rig() -> None:
     assert (WARD.limits.current_A, WARD.limits.voltage_V, WARD.limits.off_below_A) == (1.5, 12.0, 0.03)
+
+
+@pytest.mark.parametrize("message", ["beat", "allow", "nothing"])
+def test_a_gap_before_a_message_is_not_forgotten_by_the_message(
+    armed: Guardian, monkeypatch: pytest.MonkeyPatch, message: str
+) -> None:
+    now_s = module.awake_s()
+    for gap_s in (9.9, 30.0, 12.0):  # only the longest gap above 10 s is reported
+        now_s += gap_s
+        monkeypatch.setattr(module, "awake_s", lambda now_s=now_s: now_s)
+        {"beat": armed.beat, "allow": lambda: armed.allow(0.0), "nothing": armed._note_the_gap}[message]()
+        if gap_s < 10.0:
+            armed.refuse_a_gap()
+            armed.beat()
+    longest_s = 42 if message == "nothing" else 30
+    with pytest.raises(
+        StoodStill, match=rf"^COM3: the run stood still for {longest_s} s with the coil on, because the"
+    ):
+        armed.refuse_a_gap()
+    armed.disarm()
+    armed.refuse_a_gap()
+    armed.arm()  # a new beginning
+    armed.refuse_a_gap()
