@@ -291,6 +291,29 @@ def test_a_meter_may_show_up_to_the_off_limit(
             simulated(offset_A=offset_A)
 
 
+@pytest.mark.parametrize(("voltage_V", "passed"), [(0.91, True), (1.09, True), (0.89, False), (1.11, False)])
+def test_the_measured_voltage_may_differ_by_a_tenth_of_a_volt(
+    simulated: Callable[..., tuple[SupplyTrial, CoilSupply, Watcher]],
+    monkeypatch: pytest.MonkeyPatch,
+    voltage_V: float,
+    passed: bool,
+) -> None:
+    measure = SUPPLIES["aim-tti"].measure
+    monkeypatch.setattr(
+        SUPPLIES["aim-tti"],
+        "measure",
+        lambda self: replace(measure(self), voltage_V=voltage_V * measure(self).voltage_V),
+    )
+    trial, coil, watcher = simulated()
+    assert trial.passed is passed
+    assert not coil.state.output
+    assert watcher.told[-1] == ("disarm",)
+    if not passed:
+        outcomes = {step.check: step.outcome for step in trial.steps if not step.passed}
+        assert outcomes == {"it measures voltage and current": f"{voltage_V:.3f} V measured, but 1 V was set"}
+        assert trial.steps[-1].check == "it switches off"
+
+
 @pytest.mark.parametrize(
     ("address", "line"),
     [
