@@ -34,8 +34,7 @@ def errors(tip: Array, reference: Array) -> tuple[float, float]:
     """Return the error of the tip's position in the last state, and the largest error of all states.
 
     `tip` contains the computed positions of the tip in K states, and `reference` the positions on a very fine mesh, mm,
-    shape (K, 2). Both errors
-    are in per cent of the deflection in the last state.
+    shape (K, 2). Both errors are in per cent of the deflection in the last state.
     """
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])

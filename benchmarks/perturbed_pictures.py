@@ -1,4 +1,4 @@
-"""Detect edges in changed photographs of other people: ``python -m benchmarks.perturbed_pictures``.
+"""Detect edges in other people's photographs that were changed: ``python -m benchmarks.perturbed_pictures``.
 
 The changes are those of a camera, a lamp or a program for pictures: scale, brightness, noise, a gradient of the light,
 hue, mirror, JPEG compression and blur (`tests.shared.perturbed_pictures`). The distances are those from the edges that

@@ -10,8 +10,8 @@ axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
 pictures `refusal` is left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
 --chance DRAWS    Show how far chance alone changes the ratio of stated to observed deviation: draw random scatter with
-the correlation of the observed scatter. For each edge, print the 95 % range
-of the ratio of stated to observed deviation, and the median of the ratio of stated to true deviation.
+the correlation of the observed scatter. For each edge, print the 95 % range of this ratio, and the median of the ratio
+of stated to true deviation.
 """
 
 from __future__ import annotations

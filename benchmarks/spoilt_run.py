@@ -3,7 +3,7 @@
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
 If a file `grab`, `flush` or `close` exists, the camera's method of this name never returns. With a file `grab-locked`,
-the method `grab` also keeps Python's global lock, so that no other part of the program runs. With a file `clock` the
+the method `grab` also holds Python's global lock, so that no other part of the program runs. With a file `clock` the
 wall clock steps back by two minutes. The file `reached` appears when a method that never returns is called.
 """
 

@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Keep the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
+    """Hold the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
     with only_gige_camera():
         yield
 

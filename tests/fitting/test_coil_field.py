@@ -65,7 +65,7 @@ def test_the_radial_field_near_the_axis_agrees_with_its_series():
 
 
 def test_the_table_of_a_helmholtz_coil_has_its_published_uniformity():
-    """The field of a Helmholtz coil decreases with the distance from its centre as published.
+    """The field of a Helmholtz coil decreases with the distance from its centre as the published series says.
 
     Along the axis, B/B0 = 1 - 144/125 (z/R)^4 to fourth order; across the axis, 1 - 54/125 (rho/R)^4. B0 is the field
     in the centre, R the radius, z and rho the distances from the centre along and across the axis.

@@ -159,7 +159,12 @@ def test_the_noise_of_a_tensile_curve_is_at_least_that_of_a_fit_to_the_curve_alo
 
 
 def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_errors() -> None:
-    """Three tracked points in two states; the residuals, the curves and the priors are linear in two unknowns."""
+    """The derivatives of the residuals with respect to the unknowns are computed by central differences.
+
+    In this test, the residuals of three tracked points in two states, the residuals of tensile curves and the priors
+    are linear in two unknowns, so that the differences give the true derivatives. The weight of a state depends on its
+    error.
+    """
     rng = np.random.default_rng(3)
     distance = np.array([0.1, 0.4])
     steps = np.array([[0, 0], [0.05, 0], [0, 0.2], [-0.05, 0], [0, -0.2]])
@@ -213,7 +218,10 @@ def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_e
 
 
 class Bending:
-    """A beam whose residuals are 3 times the deviation of an input, and which has no equilibrium beyond `limit`."""
+    """A replacement for a beam model, whose residuals are 1 plus three times the error of an input.
+
+    If the error is above `limit`, the beam has no equilibrium. `solved` lists the errors for which the beam was solved.
+    """
 
     def __init__(self, limit: float, status: Status = Status.CONVERGED) -> None:
         self.limit, self.status = limit, status

@@ -1,6 +1,6 @@
 """Every source of uncertainty (uncertain input) changes the simulated experiment as its name says.
 
-A test fails if a new source is missing in this file.
+A test fails if a new uncertain input is missing in this file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`eimi discover` on real files finds the terms of a law, writes them, and refuses wrong options in one line."""
+"""`eimi discover` on real files finds the terms of a law, writes the law, and refuses wrong options in one line."""
 
 from __future__ import annotations
 

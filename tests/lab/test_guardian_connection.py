@@ -1,4 +1,7 @@
-"""The connection of a run to its guardian process, with a replacement for the process: all messages and checks."""
+"""A run sends the right messages to its guardian, and reports a guardian that does not answer.
+
+The guardian is the process that switches the coil off if the run dies. The tests replace this process.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
 
 class Process:
-    """A process that does nothing. The test reads what the run writes, and writes what the process would write."""
+    """A replacement for the guardian process. The test reads the messages of the run, and writes the answers."""
 
     def __init__(self) -> None:
         heard, to = os.pipe()
@@ -49,7 +52,7 @@ class Process:
         self.done.append("kill")
 
     def told(self) -> bytes:
-        """Return what the run has written since the last call."""
+        """Return the messages that the run has sent since the last call."""
         return self.heard.read() or b""
 
 

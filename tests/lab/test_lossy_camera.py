@@ -36,7 +36,7 @@ pytestmark = needs_aravis
 
 @pytest.fixture(scope="module", autouse=True)
 def alone() -> Iterator[None]:
-    """Keep the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
+    """Hold the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
     with only_gige_camera():
         yield
 

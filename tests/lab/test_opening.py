@@ -1,4 +1,7 @@
-"""The instruments of a real bench are opened in their order and closed in reverse, with replacements for them."""
+"""The instruments of a real bench are opened in the right order, and closed in the reverse order.
+
+The tests use replacements for the instruments.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from eimi_lab.virtual import virtual_rig
 
 
 class Instrument:
-    """A supply, a camera or a sensor that notes when it is closed."""
+    """A replacement for a supply, a camera or a sensor, which records when it is closed."""
 
     settings = CameraSettings(gain=3.0)
 
@@ -37,7 +40,11 @@ class Instrument:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """What the replacements of supply, guardian, lock and sensors keep, and a rig with two sensors."""
+    """A rig with two sensors, and the records of the replacements for lock, guardian, supply and sensors.
+
+    done: the calls in their order. given: the arguments of each call, by name. missing, broken: names of the
+    instruments that cannot be opened or closed; a test can set them.
+    """
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 
     def context(name: str) -> Any:
@@ -118,7 +125,7 @@ def test_a_sensor_that_cannot_be_closed_is_a_warning(bench: SimpleNamespace) -> 
 
 
 class Copied(SimpleNamespace):
-    """A table of a rig file, whose copies have other values."""
+    """A replacement for a table of a rig file; `model_copy` returns a copy with other values."""
 
     def model_copy(self, update: dict[str, Any]) -> Copied:
         return Copied(**(vars(self) | update))
@@ -214,7 +221,7 @@ def test_the_camera_of_a_rig_is_a_device_a_recording_or_a_virtual_beam(monkeypat
 
 
 class Run:
-    """A run that notes which of its methods the instruments call."""
+    """A replacement for a run, which records the calls of its methods."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []

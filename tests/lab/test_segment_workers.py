@@ -94,7 +94,7 @@ def test_an_error_of_a_worker_is_reported_as_with_one_process(
 def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
     run: Run, files: Path, frame: Callable[..., NDArray[np.uint8]], number: signal.Signals
 ) -> None:
-    """If program and workers get a signal at the same time, all of them end, with one line.
+    """If program and workers get a signal at the same time, all of them end, and one line of error is printed.
 
     A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
     """

@@ -1,4 +1,7 @@
-"""What a run does after each signal, with replacements for coil and guardian: the calls, their order and the events."""
+"""After each signal (such as Ctrl-C), a run makes the right calls and reports the right events, in the right order.
+
+The tests replace the coil and the guardian, the process that switches the coil off if the run dies.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ OFF = Off(0.004, 0.02)
 
 
 class Part:
-    """A replacement for coil or guardian. The methods note their calls, and raise the errors in `errors`."""
+    """A replacement for coil or guardian. It records the calls of its methods, which raise the errors in `errors`."""
 
     def __init__(self, done: list[Any], **answers: Any) -> None:
         self.done, self.answers = done, answers

@@ -290,7 +290,7 @@ def test_clicked_points_decide_which_body_is_followed_in_all_states(run, files, 
 
 
 def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, monkeypatch):
-    """If no beam is found in the first two states, the centre line of the third state guides a second search in them.
+    """If no beam is found in the first two states, the centre line of the third state guides a second search.
 
     The test replaces the search, which finds no beam in these states without the centre line.
     """

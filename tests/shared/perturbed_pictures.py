@@ -1,4 +1,4 @@
-"""Change photographs that other people made in ways that a camera, a lamp or a program for pictures may change them."""
+"""Change other people's photographs as a camera, a lamp or a program for pictures may change a picture."""
 
 from __future__ import annotations
 
