@@ -28,7 +28,7 @@ from eimi_fitting.laws.law import Law
 Array = NDArray[np.float64]
 
 Method = Literal["either", "interpolate", "follow"]
-ACCURACY_MM = 1e-3  # The bulk of the specimen is a tenth of that off, and measured edges are good to 1e-3 mm.
+ACCURACY_MM = 1e-3  # In most of the specimen the error is a tenth of this. Measured edges have errors of 1e-3 mm.
 
 _FEW = 6  # iterations of Newton's method from a start that is near
 # Share of the range of places within which two places are the same. States under equal loads differ by the tolerance of

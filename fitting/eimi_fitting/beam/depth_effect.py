@@ -28,7 +28,7 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
-_EXTRAPOLATED = 0.1  # share of the range of its places by which a depth effect may be extrapolated
+_EXTRAPOLATED = 0.1  # a depth effect may be extrapolated by this share of the range of its solved places
 _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus that counts as none
 
 

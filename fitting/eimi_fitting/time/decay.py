@@ -27,7 +27,7 @@ _END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
 _SWING_ERROR = 0.005  # relative error of the frequency with a hanging weight, which also swings a little
 _SWINGS = "; the hanging weight may swing like a pendulum: fix it to the beam, or shorten its thread"
 _LASTING = 0.8  # ratio of the powers in the two halves of a recording; a decaying vibration has a smaller one
-_RUN, _SPARSE = 11, 3.0  # gaps in a run; a run is sparse if its median gap is over 3 times the usual one
+_RUN, _SPARSE = 11, 3.0  # frame gaps in a run; a run is sparse if its median gap is more than 3 times the usual gap
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 _MOST_TERMS = 4
 _MOST_CREEP_ROWS = 6  # the records of creep with the largest rotations are used, at most this many
 _LONGEST_S = 30.0  # the relaxation times reach at least this far, because silicones relax for so long
-_SECTION_CHANGE = 0.02  # relative change of the modulus from a planar section to a solid that is doubted
+_SECTION_CHANGE = 0.02  # a larger relative change of the modulus, from a planar section to a solid, causes a doubt
 _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 

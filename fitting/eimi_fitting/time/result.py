@@ -21,7 +21,7 @@ from eimi_fitting.time.terms import Terms
 
 Array = NDArray[np.float64]
 
-_KNOWN = 0.05  # mu(t) counts as determined if its 95 % half-width of ln mu(t), from noise alone, is at most this
+_KNOWN = 0.05  # mu(t) is determined if the 95 % interval of ln mu(t), from noise alone, has at most this half-width
 _CURVE = np.geomspace(1e-3, 1e3, 61)
 _MOST_FRAMES = 240  # of a decay that are stored for a figure
 _CONTRADICTION = 3.0  # standard deviations

@@ -67,18 +67,18 @@ Array = NDArray[np.float64]
 
 _SIMULATED, _SIMULATED_PAIRS = 8, 4  # hypotheses of one and of two causes that are simulated in each pass
 _PASSES, _PASSES_FAR = 8, 3  # largest number of passes, and those in which improbable causes are simulated
-_FAR = (
-    200.0,
-    30.0,
-)  # logarithm of the probability below the best from which on a hypothesis is not simulated: first, later
+# Difference of the logarithm of the probability from the most probable hypothesis, in the first and in later passes. A
+# hypothesis with a larger difference is not simulated.
+_FAR = (200.0, 30.0)
 # Moves up to which signatures are linear: in prior sizes, and in shares of the range of the law's coordinates.
 _LINEAR, _LINEAR_LAW = 0.005, 2e-4
-# Error of a move, as a share of it, because the corrections by finer meshes and by the solid are those at the optimum.
+# Error of a change of the residuals, as a share of the change. The corrections by finer meshes and by the solid are
+# computed at the optimum only, and are not exact for changed amplitudes.
 # With 0.002, virtual solids with one cause got a second one of negligible size.
 _OF_MOVE = 0.01
 # Length that the remaining error of the meshes at the clamp adds; 0.007 mm on a virtual solid of 26 x 3 elements.
 _CORNERS_MM = 0.01
-_POOR = 4.0  # misfit over the noise from which a single cause is fitted with renewed slopes
+_POOR = 4.0  # above this ratio of misfit to noise, a single cause is fitted with renewed slopes
 _GAUSS_NEWTON = 5  # largest number of these steps
 _STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
 _NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
@@ -220,8 +220,8 @@ class _Weighing:
     ) -> None:
         self._about, self._causes = about, tuple(columns_by_cause)
         self._columns = [column for columns in columns_by_cause.values() for column in columns]
-        # The columns of every hypothesis: the law, then the remaining errors of the corrections. That of the meshes is
-        # largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
+        # The columns of every hypothesis: the law, then the remaining errors of the corrections. The error of the
+        # meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, cs in columns_by_cause.items() if cause.name == "clamp_softness" for c in cs]
         law = self._common = len(about.law_spread) + len(effects) + len(corners)
         blocks: list[list[int]] = []

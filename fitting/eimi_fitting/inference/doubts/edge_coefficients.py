@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 _DEGREES = 8  # number of polynomials along an edge
 _LOAD_RANGE = 0.5  # correlation length of d over the loads, as a share of the largest load
 _SIDES = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)  # a shift of the beam, and a change of its width
-_APART = 0.2  # variance of an error of the width, where that of both edges together is 2
+_APART = 0.2  # variance of an error of the width; the variances of shift and width add up to 2
 _OF_ONE_STATE = 0.1  # share of the variance of d that is not common to neighbouring loads
 _FEWEST = 10  # points of the remainder from which the noise is estimated
 

@@ -167,7 +167,7 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
         by = displacement(experiment, places, amplitudes) - displacement(experiment, np.zeros(2), amplitudes)
         if shift is not None:
             by = by + amplitudes[shift : shift + 2]
-        # What was measured is displaced, so that the true places lie on the other side.
+        # The cause has displaced the measured points. Subtracting the displacement gives the true places.
         key = "points_mm" if isinstance(experiment.observed, EdgeObservation) else "moved_mm"
         moved: dict[str, Any] = {key: places - by}
         return replace(assumed, experiment=replace(experiment, observed=replace(experiment.observed, **moved)))

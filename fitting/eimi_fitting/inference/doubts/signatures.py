@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 _STEP = 0.3  # of the finite differences, in prior sizes
 _ACCURACY_MM = 1e-3  # the last Newton step is shorter
-_SEEN_MM = 1e-4  # a signature that is smaller for one prior size is none
+_SEEN_MM = 1e-4  # a smaller change of the residuals by one prior size counts as no change
 # Distances from clamp and tip within which points of an edge are not used, as shares of the length of the beam. A scale
 # that is wrong by three usual sizes moves points by 0.03 of the length at the tip; the clamp is misplaced by 0.3 mm.
 _CLAMP, _TIP = 0.01, 0.03

@@ -211,8 +211,8 @@ def _explained(
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
     prior = np.diag(unknowns.prior)
     changes = [list(of_experiment) for of_experiment in zip(*(source.changes for source in sources), strict=True)]
-    # The first weights take every point as independent, so that the sources explain as much as they can. Later weights
-    # give part of it back to the noise.
+    # The first weights take every point as independent, so that the uncertain inputs explain as much of the residuals
+    # as possible. With later weights they explain less, and more of the residuals counts as noise.
     points_per_independent = about.points / about.independent_points
     states = [
         replace(

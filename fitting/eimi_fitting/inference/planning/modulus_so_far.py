@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 _LAW = LAWS["neo-hookean"]
 _POINTS_A_STATE = 20.0  # independent points in a state; a guess that only the scan uses
-_PASSES = 2  # the second correction is that at the optimum of the first
+_PASSES = 2  # the second correction is computed at the optimum after the first
 _FIRST = np.zeros(1, np.intp)
 _MOST_SOLVED = 7  # states of the solid through which the depth effect is interpolated
 _CARRIED = 0.02  # relative change of the modulus up to which the depth effect is carried on
