@@ -22,7 +22,7 @@ isotropy       stress and tangent of an isotropic law at many points
 beside         `SolidBeside`, the solid model, solved with its planar model as the start
 depth_effect   the difference between the shape of a solid model and the shape of its planar model
 rigid          the magnet as a rigid body
-equilibrium    Newton's method for a batch of candidates
+equilibrium    Newton's method for a batch of candidate laws
 system         the linear system of a Newton step
 band           band matrices of a whole batch
 path           solution of a sequence of states, one after another or all at once

@@ -53,7 +53,7 @@ class SolidOptions:
         Accuracy of the interpolation in mm. No further states are solved if the solved shape in a new state differs
         from the interpolated shape by less than this distance.
     similar : tuple of DepthEffect
-        Depth effects of similar candidates. The difference from one of these depth effects is interpolated. If a
+        Depth effects of similar candidate laws. The difference from one of these depth effects is interpolated. If a
         similar candidate has the same planar shape within ``accuracy_mm``, the depth effect of the similar candidate is
         used and the solid model is not solved.
     effect : DepthEffect or None
@@ -90,7 +90,7 @@ class SolidShapes(Shapes):
 
 
 class SolidBeside:
-    """A solid model and a planar model (plane stress) on the same grid lines; solves one candidate at a time.
+    """A solid model and a planar model (plane stress) on the same grid lines; solves one candidate law at a time.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class SolidBeside:
         field_factor: Array | None = None,
         options: SolidOptions | None = None,
     ) -> SolidShapes:
-        """Find the equilibrium of the solid model for one candidate in K states.
+        """Find the equilibrium of the solid model for one candidate law in K states.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return the result for a candidate that was not solved: shapes at rest, every state marked as diverged.
+        """Return the result for a candidate law that was not solved: shapes at rest, every state marked as diverged.
 
         ``flat`` has the shapes of the planar model, which give the number of states.
         """
@@ -227,10 +227,10 @@ class SolidBeside:
         """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
 
         The depth effect is the shape of the solid model minus the shape of the planar model. ``chosen`` is the
-        candidate, ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are solved
-        one after another in Leja's order: the next state has the largest product of distances from the solved states,
-        with the distances along the scalar s of `beam.depth_effect`. No further state is solved if the last solved
-        shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
+        candidate law, ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are
+        solved one after another in Leja's order: the next state has the largest product of distances from the solved
+        states, with the distances along the scalar s of `beam.depth_effect`. No further state is solved if the last
+        solved shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
 
         Returns None if the loads do not lie on a straight line. Also returns None if Newton's method does not converge
         in a few steps from the planar shape to the solid shape in one of the states.
@@ -355,7 +355,7 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect of the similar candidate whose bending is most like the given bending; None without one.
+    """Return the depth effect of the similar candidate law with the most similar bending; None if there is none.
 
     The depth effect is the shape of the solid model minus the shape of the planar model. The scalar s measures the
     bending. Only depth effects that are valid at all given values s (``places``) are considered. The depth effect is

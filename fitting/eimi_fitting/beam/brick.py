@@ -1,4 +1,6 @@
-"""The hexahedron with 27 nodes, for all candidates of a batch: quadratic displacements, linear discontinuous pressure.
+"""The hexahedron with 27 nodes, evaluated for all elements and all candidate laws of a batch at once.
+
+The displacement is quadratic. The pressure is linear and discontinuous between elements.
 
 The hexahedron is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, array axes and
 functions. It has two Gauss points along the beam, three across and three in depth. With zero displacements in depth it

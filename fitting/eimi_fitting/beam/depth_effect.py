@@ -10,8 +10,8 @@ polynomial,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
-The base b is the depth effect of a similar candidate, or zero. The difference from a base is small, and therefore fewer
-solved states are needed.
+The base b is the depth effect of a similar candidate law, or zero. The difference from a base is small, and therefore
+fewer solved states are needed.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class DepthEffect:
         Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
         straight line through the loads of all states (see the module).
     base : DepthEffect or None
-        The depth effect b(s) of a similar candidate; only the difference d - b is interpolated. None: d is
+        The depth effect b(s) of a similar candidate law; only the difference d - b is interpolated. None: d is
         interpolated. If ``by_turn``, d(0) = b(0) is assumed.
     candidate : BentCandidate or None
         The candidate for which the states were solved.
@@ -137,7 +137,7 @@ class DepthEffect:
     def _from_base(self) -> tuple[Configuration, ...]:
         """The differences d_i - b(s_i) in the solved states: d_i is the solid minus the planar configuration.
 
-        b is the depth effect in ``base``, of a similar candidate.
+        b is the depth effect in ``base``, of a similar candidate law.
         """
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)

@@ -1,4 +1,4 @@
-"""The planar Q2/P1 element, evaluated for all elements and all candidates of a batch at once.
+"""The planar Q2/P1 element, evaluated for all elements and all candidate laws of a batch at once.
 
 The displacement is quadratic (nine nodes). The pressure p is linear and discontinuous between elements (Sussman and
 Bathe 1987, Computers & Structures 26:357). With the isochoric strain energy psi, the deformation gradient F, its
@@ -335,8 +335,8 @@ def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: A
     The predicted stress is S + D : dE with the derivative D of the stress S by the Green strain. The increment dE of
     the Green strain follows from the displacement ``step`` (E, B, 2, 9) in mm. In plane strain J C^-1 dp is added, with
     the determinant J of the deformation gradient F and C = F^T F. The increment dp of the pressure follows from
-    ``pressure_step`` (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has B
-    candidates.
+    ``pressure_step`` (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has B candidate
+    laws.
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

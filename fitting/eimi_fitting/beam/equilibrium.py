@@ -1,4 +1,4 @@
-"""Equilibrium of a planar or a solid mesh for all candidates of a batch, by Newton's method with predicted stresses.
+"""Equilibrium of a planar or a solid mesh for a batch of candidate laws, by Newton's method with predicted stresses.
 
 The geometric part of the tangent stiffness is computed with the stress that the last linear step predicts, and not with
 the stress of the new displacement. For slender, incompressible bodies Newton's method then converges from starts that
@@ -34,7 +34,7 @@ _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains 
 
 
 class Status(IntEnum):
-    """The outcome of the solution of the equilibrium for one candidate in one state."""
+    """The outcome of the solution of the equilibrium for one candidate law in one state."""
 
     CONVERGED = 0
     DIVERGED = 1
@@ -101,11 +101,11 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return displacements, pressures and stresses of only the candidates whose numbers are in ``rows``."""
+        """Return displacements, pressures and stresses of only the candidate laws whose numbers are in ``rows``."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configuration of the candidates whose numbers are in ``rows`` with another configuration."""
+        """Overwrite the configurations of the candidate laws whose numbers are in ``rows``."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -117,7 +117,7 @@ class Configuration:
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the weighted sum of several configurations of the same mesh and candidates."""
+    """Return the weighted sum of several configurations of the same mesh and candidate laws."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -129,7 +129,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the configurations of several batches of candidates, in the given order, into one configuration."""
+    """Join the configurations of several batches of candidate laws, in the given order, into one configuration."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -139,7 +139,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads on several batches of candidates into the loads on one batch, in the given order."""
+    """Join the loads on several batches of candidate laws into the loads on one batch, in the given order."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:

@@ -84,7 +84,7 @@ class Shapes:
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return the shapes of the given candidates only; a candidate may occur more than once.
+        """Return the shapes of the given candidate laws only; a candidate may occur more than once.
 
         ``every`` is kept only if the first of the given candidates is the first candidate of these shapes.
         """
@@ -118,7 +118,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the batch of the given B candidates, and their factors on the magnetic loads, (B,) or (1,) for all."""
+        """Return the batch of the given B candidate laws, and their factors on magnetic loads, (B,) or (1,) for all."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -184,7 +184,7 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Return the shapes of all candidates in K states, solved one state after another; see `BeamModel.solve`.
+    """Return the shapes of all candidate laws in K states, solved one state after another; see `BeamModel.solve`.
 
     Parameters
     ----------
@@ -245,8 +245,8 @@ def at_once(
     """Return the shapes in many states, solved together. Each solution begins at the row of ``near`` for its state.
 
     near: the configurations of a similar beam, one row for each state. Returns None if Newton's method does not
-    converge in a few iterations for one candidate in one state, or if the strains of a solution are much larger than
-    the strains of ``near``.
+    converge in a few iterations for one candidate law in one state, or if the strains of a solution are much larger
+    than the strains of ``near``.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -301,7 +301,7 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Solve the candidates ``rows`` under a new load, in one step from the last state or in 4, 16 and 64 steps.
+    """Solve the candidate laws ``rows`` under a new load, in one step from the last state or in 4, 16 and 64 steps.
 
     More steps are taken for a candidate if its step fails, or if the candidate may have left its equilibrium path. If a
     candidate buckles on its path in steps of two sizes, the path loses stability before the load is reached. Smaller
@@ -346,7 +346,7 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Solve the candidates ``rows`` under a new load, in ``cuts`` equal steps from the end of the path.
+    """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the end of the path.
 
     If Newton's method needs many iterations, it may end at an equilibrium on another path (Deuflhard 2011, Newton
     Methods for Nonlinear Problems, section 5.1). A candidate that needs few iterations in each step counts as being on

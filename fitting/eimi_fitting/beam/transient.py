@@ -65,7 +65,7 @@ class _State:
 
 
 class Transient:
-    """The motion of a beam in time for one candidate, under loads that change from time step to time step.
+    """The motion of a beam in time for one candidate law, under loads that change from time step to time step.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class Transient:
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the shape of the beam at the present time, as shapes of one candidate in one state."""
+        """Return the shape of the beam at the present time, as shapes of one candidate law in one state."""
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))

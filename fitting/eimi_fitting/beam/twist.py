@@ -118,7 +118,10 @@ def twist_per_tilt(
 
 
 def _at_stations(between: Array) -> Array:
-    """Return vectors at S stations, (K, S, 2), from vectors between the stations, extrapolated to both ends."""
+    """Return vectors at S stations (cross-sections), (K, S, 2), from vectors between the stations.
+
+    The vectors are extrapolated to both ends.
+    """
     first = 1.5 * between[:, :1] - 0.5 * between[:, 1:2]
     last = 1.5 * between[:, -1:] - 0.5 * between[:, -2:-1]
     return np.concatenate([first, 0.5 * (between[:, 1:] + between[:, :-1]), last], axis=1)

@@ -7,7 +7,7 @@ A small motion u(t) = Re(v exp(s t)) about an equilibrium, with the mode v and t
 with the shear modulus mu with which the equilibrium was computed and the complex modulus mu*(s) of the viscoelastic
 law. K_m is the part of the tangent stiffness that contains the tangent of the hyperelastic law. K_g is the part that
 contains stresses and loads (gravity, field). M is the mass matrix. The motion is reduced to a sum of a few shapes, the
-lowest undamped modes of each candidate. The rates s can then be computed quickly for any function r(s).
+lowest undamped modes of each candidate law. The rates s can then be computed quickly for any function r(s).
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class ReducedMotion:
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of the reduced motion of only the candidates with the indices ``rows``."""
+        """Return the matrices of the reduced motion of only the candidate laws with the indices ``rows``."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],
@@ -142,7 +142,7 @@ def fixed_point(
     ratio : callable
         The function r(s): takes rates s (B, count), and returns values of r (B, count).
     size : tuple of int
-        The number B of candidates, and the number of modes (count).
+        The number B of candidate laws, and the number of modes (count).
 
     Returns
     -------
@@ -202,7 +202,7 @@ def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Arr
 
 
 class Vibration:
-    """The small vibrations of a specimen about its equilibria, for any number of candidates.
+    """The small vibrations of a specimen about its equilibria, for any number of candidate laws.
 
     Parameters
     ----------

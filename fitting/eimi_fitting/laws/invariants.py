@@ -172,7 +172,7 @@ class InvariantLaw(InvariantEnergy):
         """Convert coordinates (the quantities that the search varies) into parameters, see `Law.from_coordinates`."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each candidate, computed by `laws.stability.scanned_limit`."""
+        """Return the largest stable stretch of each candidate law, computed by `laws.stability.scanned_limit`."""
         return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:

@@ -180,7 +180,7 @@ class Law(Protocol):
         Parameters
         ----------
         x
-            (P, m) m coordinates of P candidates, in the order of `coordinates`.
+            (P, m) m coordinates of P candidate laws, in the order of `coordinates`.
 
         Returns
         -------
@@ -238,7 +238,7 @@ class Law(Protocol):
         """
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stretch up to which each candidate is stable by Drucker's criterion (`laws.stability`).
+        """Return the largest stretch up to which each candidate law fulfils Drucker's criterion (`laws.stability`).
 
         Parameters
         ----------

@@ -47,7 +47,7 @@ class MooneyRivlin(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters C10 and C01 of P candidates, (P, 2), from the coordinates of the search, (P, 2).
+        """Return the parameters C10 and C01 of P candidate laws, (P, 2), from the coordinates of the search, (P, 2).
 
         The coordinates (the quantities that the search varies) are 2 (C10 + C01) and C01/(C10 + C01).
         """
@@ -65,7 +65,7 @@ class MooneyRivlin(InvariantLaw):
         return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
+        """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
 
         If C01 < 0, the stress reaches its maximum at this stretch. If C10 < 0, the two equal stretches become unequal
         at this stretch, where C10 q + C01/q = 0 with the square q of the stretch. The result is infinity if neither C10

@@ -29,7 +29,7 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameter mu of P candidates, (P, 1), from the only coordinate of the search, which is also mu."""
+        """Return the parameter mu of P candidate laws, (P, 1), from the only coordinate of the search, also mu."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -46,7 +46,7 @@ class NeoHookean(InvariantLaw):
         return half * x, half + zero, zero, zero
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each of P candidates, (P,): infinity if mu is positive, otherwise 0."""
+        """Return the largest stable stretch of each of P candidate laws, (P,): infinity if mu is positive, else 0."""
         return np.where(parameters[:, 0] > 0, np.inf, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:

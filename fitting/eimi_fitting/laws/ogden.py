@@ -127,7 +127,7 @@ class Ogden:
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters mu_p and alpha_p of P candidates, (P, 6), from the coordinates of the search, (P, 6).
+        """Return the parameters mu_p and alpha_p of P candidate laws, (P, 6), from coordinates of the search, (P, 6).
 
         The initial shear modulus mu0 is divided among the terms: mu_p alpha_p = 2 mu0 w_p, where the sum of the
         fractions w_p is 1. The coordinates are mu0, w_1, w_2/(1 - w_1) and the three exponents.
@@ -186,7 +186,7 @@ class Ogden:
         return energy, gradient, diagonal[..., None] * np.eye(3)
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch up to which each of P candidates is proved stable, (P,).
+        """Return the stretch up to which each of P candidate laws is proved stable, (P,).
 
         The result is infinity if mu_p alpha_p is positive for all three terms p, and 0 if the initial shear modulus is
         not positive.

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prony:
-    """A Prony series with n terms, or one series for each of several candidates along leading axes.
+    """A Prony series with n terms, or one series for each of several candidate laws along leading axes.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ class SearchSpace:
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear moduli for P candidates with m physical coordinates each, (P,) in Pa.
+        """Return the initial shear moduli for P candidate laws with m physical coordinates each, (P,) in Pa.
 
         x: the physical coordinates, (P, m).
         """

@@ -29,7 +29,7 @@ _HALVINGS = 30
 
 
 def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
-    """Return the stretch up to which each candidate fulfils Drucker's criterion, at most the stretch ``reached``.
+    """Return the stretch up to which each candidate law fulfils Drucker's criterion, at most the stretch ``reached``.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def stable_stretch(law: Law, parameters: Array, reached: Array) -> Array:
 
 
 def stable_up_to(law: Law, parameters: Array) -> float | None:
-    """Return the largest stretch up to which one candidate fulfils Drucker's criterion.
+    """Return the largest stretch up to which one candidate law fulfils Drucker's criterion.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 
 
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
-    """Return the stretch up to which each candidate is stable, by a scan of sampled deformations.
+    """Return the stretch up to which each candidate law is stable, by a scan of sampled deformations.
 
     A law without a criterion in closed form uses this function as `Law.drucker_limit`. The scan has 48 levels of
     stretch up to `largest_stretch`, with equal steps of the logarithm. At each level, it examines 61 deformations whose
@@ -122,7 +122,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return, for each of P candidates, whether all scanned deformations at one level are stable, (P,).
+    """Return, for each of P candidate laws, whether all scanned deformations at one level are stable, (P,).
 
     All deformations of a level have the same largest principal stretch. largest: the logarithm of this stretch for each
     candidate, (P,).

@@ -29,7 +29,8 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents of the three terms of f(e) for P candidates, see the module `laws.stable_cells`.
+        (P, 3) weights and exponents of the three terms of f(e) for P candidate laws, see the module
+        `laws.stable_cells`.
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 

@@ -223,7 +223,7 @@ class SumOfTerms:
         return [term for i, term in enumerate(self.terms) if i != self._first]
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the coefficients of the m terms for P candidates, (P, m), from the coordinates of the search, (P, m).
+        """Return the coefficients of the m terms for P candidate laws, (P, m), from coordinates of the search, (P, m).
 
         The first term that contributes to the initial shear modulus mu0 contributes mu0 minus the contributions of the
         other terms.
@@ -283,7 +283,7 @@ class SumOfTerms:
         return energy, gradient, hessian
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each of P candidates, (P,).
+        """Return the largest stable stretch of each of P candidate laws, (P,).
 
         The result is infinity if no coefficient is negative. Otherwise `laws.stability.scanned_limit` computes it.
         """

@@ -89,7 +89,7 @@ def engineering_stress(law: Law, parameters: Array, strain: Array) -> Array:
     law
         One of `LAWS`, or any other law.
     parameters
-        (..., n) parameters of one candidate or of many candidates.
+        (..., n) parameters of one candidate law or of many candidate laws.
     strain
         (m,) engineering strains above -1.
 

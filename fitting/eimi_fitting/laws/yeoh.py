@@ -68,7 +68,7 @@ class Yeoh(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters C10, C20 and C30 of P candidates, (P, 3), from the coordinates of the search, (P, 3).
+        """Return the parameters C10, C20 and C30 of P candidate laws, (P, 3), from coordinates of the search, (P, 3).
 
         The coordinates are 2 C10, C20/C10 and C30/C10.
         """
@@ -92,7 +92,7 @@ class Yeoh(InvariantLaw):
         )
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the stretch in equibiaxial tension up to which each of P candidates is stable, (P,).
+        """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
 
         The result is infinity if the candidate is stable everywhere, and 0 if C10 is not positive. The module
         `laws.yeoh` describes the criterion.

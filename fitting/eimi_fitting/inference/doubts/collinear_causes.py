@@ -86,7 +86,7 @@ def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Se
     hypotheses : sequence of tuple of int
         Indices of the causes of each hypothesis.
     of_causes : sequence of tuple of int
-        The classes of causes that the residuals do not distinguish, as indices of the causes.
+        The classes (groups of causes that the residuals do not distinguish), each as indices of its causes.
 
     Returns
     -------

@@ -133,7 +133,9 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance due to noise, (G, D) in mm^2, of the D coefficients of each of G groups (edges, or x and y).
+    """Return the variance of the polynomial coefficients due to noise, (G, D) in mm^2.
+
+    There are D coefficients for each of G groups of points (edges, or x and y).
 
     ``remainder`` has the residuals in mm minus their polynomials. For edges, the level and the correlation of the
     remainder give the variance. If the remainder has fewer than ten degrees of freedom, and for tracked points, the

@@ -118,10 +118,10 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds deviations of inputs to the assumptions of a fit, in proportion to amplitudes.
+    """Return a function that adds deviations of inputs to the assumptions of a fit, in proportion to error sizes.
 
-    Each of ``parts`` belongs to one amplitude, and maps (source, index of a part of the source) to the deviation for an
-    amplitude of 1.
+    An amplitude is the size of one part of an error of the bench. Each of ``parts`` belongs to one amplitude, and maps
+    (source, index of a part of the source) to the deviation for an amplitude of 1.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -150,8 +150,8 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
     Parameters
     ----------
     displacement : callable
-        Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes. Returns the displacements of
-        these positions in mm, (..., 2). The displacement of the clamp is subtracted.
+        Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes (sizes of the error). Returns
+        the displacements of these positions in mm, (..., 2). The displacement of the clamp is subtracted.
     shift : int, optional
         Index of the first of two amplitudes that displace all points in x and y by a length in mm. These two amplitudes
         describe an error of a calibration in which the position of the clamp comes from another picture.

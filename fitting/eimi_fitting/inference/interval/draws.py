@@ -73,10 +73,10 @@ def draw_noise(
         Ends of the 95 % intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown
         are scaled to these ends.
     model_errors : ndarray, shape (C, n)
-        Change of the n unknowns by one standard deviation of each of C errors of the beam models, in unit coordinates.
+        For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
+        in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        Additional change of the first unknown, which determines the modulus, by one standard deviation of each of the C
-        errors.
+        For each of the C errors, an additional change of the first unknown, which determines the modulus.
 
     Returns
     -------

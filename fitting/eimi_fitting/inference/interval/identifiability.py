@@ -82,8 +82,8 @@ class Identifiability:
         Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties. The
         inputs have the values that explain the residuals best.
     model_mm : float
-        Mean over the states of the standard deviation of the remaining error of the beam model, in mm; 0 if no source
-        is stated.
+        Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
+        in mm; 0 if no uncertain input is stated.
     """
 
     statement: str

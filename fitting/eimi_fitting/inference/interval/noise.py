@@ -108,8 +108,8 @@ class Noise:
     sources : tuple of ConsideredSources
         The S uncertain numbers that keep their stated values in the fit.
     mean_model_mm : float
-        Mean over the states of the standard deviation of the remaining error of the beam model, in mm; 0 without
-        sources.
+        Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
+        in mm; 0 without uncertain inputs.
     """
 
     about: Linearisation

@@ -46,13 +46,13 @@ class Values(Protocol):
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether a candidate has no equilibrium in at least one state, for P candidates, shape (P,)."""
+        """Whether each of P candidates has no equilibrium in at least one state, shape (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether a candidate is unstable, for P candidates, (P,).
+        """Whether the law of each of P candidates is unstable in at least one state, (P,).
 
-        The law of an unstable candidate is not stable in at least one state, although every state has an equilibrium.
+        False for a candidate without an equilibrium in one of the states.
         """
 
 
