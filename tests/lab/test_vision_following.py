@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from eimi_lab.config.calibration import Picture as Help
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import segmentation
@@ -443,6 +444,21 @@ def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexa
     edges = picture.edges((calibration, specimen))
     assert Severity.UNUSABLE not in severities(edges)
     assert picture.score(edges, calibration).good
+
+
+@pictures_at_hand
+def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
+    """The border of a tape near the clamp is not joined to the edge of the body behind it.
+
+    The gap between them is a third of a width long, the other edge is sure beside it, and the width is about the same.
+    """
+    picture = next(picture for picture in DEVELOPMENT if picture.name == "silicone_curl")
+    clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))
+    help_given = (picture.calibration.picture or Help()).model_copy(update={"along_px": clicks})
+    calibration = picture.calibration.model_copy(update={"picture": help_given})
+    scored = picture.score(picture.edges((calibration, picture.specimen)), calibration)
+    assert scored.p95 < 4.0
+    assert scored.rms < 3.0
 
 
 @pytest.mark.parametrize(
