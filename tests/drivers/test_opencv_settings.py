@@ -134,6 +134,15 @@ def test_an_impossible_setting_is_refused_before_anything_is_written(
     assert device._capture.written == []
 
 
+@pytest.mark.parametrize("settings", [{"exposure_s": 0.01}, {"gain": 2.0, "bit_depth": 8}, {"frame_rate_Hz": 30.0}])
+def test_a_film_has_no_settings(opened: Callable[..., Any], settings: dict[str, Any]) -> None:
+    film = opened("film.avi")
+    with pytest.raises(InstrumentError, match=rf"film\.avi.* has no {', '.join(settings)}"):
+        film.set_up(CameraSettings(**settings))
+    assert film.set_up(CameraSettings()) == CameraSettings()
+    assert film._capture.written == []
+
+
 def test_a_source_that_opencv_cannot_open_is_named(opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Capture, "is_open", False)
     with pytest.raises(InstrumentDisconnected, match=r"^camera 3: cannot be opened$"):
