@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
-from scipy.signal import find_peaks
 
 Array = NDArray[np.float64]
 
@@ -56,6 +55,8 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
         _LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0, _OVER_NOISE * noise
     )
     ending = np.append(np.maximum(size, 1e-9), 1e-9)  # with an end at rest, only the rise of the last flick counts
+    from scipy.signal import find_peaks  # imported here because it loads slowly, and only recordings need it
+
     highest, _ = find_peaks(np.log(ending), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames)
     peaks = [int(peak) for peak in highest if _is_abrupt(size, int(peak), frames)]
     if len(peaks) < 2:
