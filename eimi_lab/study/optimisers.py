@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.experiment import Experiment
@@ -82,11 +82,11 @@ def _gauss_newton(counted: _Counted, n: int, seed: int) -> None:
 def _nelder_mead(counted: _Counted, n: int, seed: int) -> None:
     start = np.random.default_rng(seed).uniform(size=n)
     options = {"maxfev": _MOST, "xatol": 1e-3, "fatol": 1e-4}
-    optimize.minimize(counted.objective, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
+    scipy.optimize.minimize(counted.objective, start, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
 
 
 def _differential_evolution(counted: _Counted, n: int, seed: int) -> None:
-    optimize.differential_evolution(
+    scipy.optimize.differential_evolution(
         lambda units: counted.evaluate(units.T).objective_mm,
         [(0.0, 1.0)] * n,
         popsize=15,

@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import root
 
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.laws.prony import Prony
@@ -108,7 +108,7 @@ class MovingBeam:
             derivatives, remaining = self.rod.moved(z, still)
             return (self.rod.loads(z, derivatives, remaining, field_T, gravity) - self._elastic * z) / self._elastic
 
-        solved = root(unbalanced, still if start is None else start, tol=_TOLERANCE)
+        solved = scipy.optimize.root(unbalanced, still if start is None else start, tol=_TOLERANCE)
         if np.abs(solved.fun).max() > 1e-6:
             raise ArithmeticError(f"no equilibrium of the moving beam was found at {field_mT:g} mT")
         return np.asarray(solved.x)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from eimi_fitting.beam.specimen import Specimen
 from eimi_lab.virtual.moving_beam import MovingBeam
@@ -52,13 +52,13 @@ class MovingOutlines:
         self._rod = moving.rod
         fields = np.linspace(-strongest_mT, strongest_mT, _GRID)
         solved = [outlines_mm(float(field)) for field in fields]
-        self._beam = CubicSpline(fields, np.stack([beam for beam, _ in solved]))
+        self._beam = scipy.interpolate.CubicSpline(fields, np.stack([beam for beam, _ in solved]))
         magnets = [magnet for _, magnet in solved if magnet is not None]
-        self._magnet = CubicSpline(fields, np.stack(magnets)) if len(magnets) == len(fields) else None
+        self._magnet = scipy.interpolate.CubicSpline(fields, np.stack(magnets)) if len(magnets) == len(fields) else None
         rest: list[Array] = []
         for field in fields:
             rest.append(moving.at_rest(float(field), rest[-1] if rest else None))
-        self._at_rest = CubicSpline(fields, np.stack(rest))
+        self._at_rest = scipy.interpolate.CubicSpline(fields, np.stack(rest))
         turned = np.stack(rest) @ self._rod.end
         order = np.argsort(turned)
         self._fields, self._turned = fields[order], turned[order]

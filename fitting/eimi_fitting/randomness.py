@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import bdtr, ndtr
 
 Array = NDArray[np.float64]
 
@@ -113,9 +113,9 @@ def randomness_of(residuals: Array) -> Randomness:
     return Randomness(
         pairs=pairs,
         sign_changes=changes,
-        runs_probability=float(bdtr(changes, pairs, 0.5)),
+        runs_probability=float(scipy.special.bdtr(changes, pairs, 0.5)),
         autocorrelation=correlation,
-        autocorrelation_probability=float(ndtr(-correlation * np.sqrt(pairs))),
+        autocorrelation_probability=float(scipy.special.ndtr(-correlation * np.sqrt(pairs))),
         noise=float(np.sqrt(min(noise, square))),
         systematic=float(np.sqrt(max(square - noise, 0.0))),
     )

@@ -8,8 +8,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, median_filter
 
 Array = NDArray[np.float64]
 
@@ -47,17 +47,17 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     frames = _period(moved, rate_Hz)
     if not 2 < frames < len(moved) / (2 * FEWEST_PERIODS):
         return whole
-    slow = median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
-    size = maximum_filter1d(np.abs(moved - slow), size=frames | 1)
+    slow = scipy.ndimage.median_filter(moved, size=min(len(moved), 4 * frames) | 1, mode="nearest")
+    size = scipy.ndimage.maximum_filter1d(np.abs(moved - slow), size=frames | 1)
     floor = float(np.quantile(size, 0.1))
     noise = _white_noise(moved, frames)
     least = max(
         _LEAST * float(size.max()), _OVER_NOISE * floor if floor < 0.05 * size.max() else 0.0, _OVER_NOISE * noise
     )
     ending = np.append(np.maximum(size, 1e-9), 1e-9)  # with an end at rest, only the rise of the last flick counts
-    from scipy.signal import find_peaks  # imported here because it loads slowly, and only recordings need it
-
-    highest, _ = find_peaks(np.log(ending), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames)
+    highest, _ = scipy.signal.find_peaks(
+        np.log(ending), height=np.log(least), prominence=np.log(_RISE), distance=3 * frames
+    )
     peaks = [int(peak) for peak in highest if _is_abrupt(size, int(peak), frames)]
     if len(peaks) < 2:
         return whole

@@ -18,9 +18,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from eimi_lab.dataset.tracked.numbers_table import refused
 from eimi_lab.dataset.tracked.tracks import Tracks
@@ -38,7 +37,15 @@ def read_ncorr(path: Path) -> Tracks:
     """
     try:
         displacements, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
-    except (KeyError, IndexError, ValueError, TypeError, AttributeError, MatReadError, OSError) as error:
+    except (
+        KeyError,
+        IndexError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        scipy.io.matlab.MatReadError,
+        OSError,
+    ) as error:
         raise refused(path, "Ncorr", f"it should hold {_SAVED} with displacements and dispinfo ({error})") from error
     if not displacements or any(u.size == 0 or u.ndim != 2 for u, _ in displacements):
         raise InputError(f"{path}: holds no formatted displacements; run Ncorr's step 'Format Displacements' and save")
@@ -94,7 +101,7 @@ def _array(item: h5py.Dataset) -> Array:
 
 
 def _of_matlab_7(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
-    saved: Any = loadmat(path, squeeze_me=True, struct_as_record=False)[_SAVED]
+    saved: Any = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)[_SAVED]
     pairs = [
         (np.asarray(one.plot_u_ref_formatted, dtype=np.float64), np.asarray(one.plot_v_ref_formatted, dtype=np.float64))
         for one in np.atleast_1d(saved.displacements)

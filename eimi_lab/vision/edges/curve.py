@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_lsq_spline
 
 Array = NDArray[np.float64]
 
@@ -51,8 +51,8 @@ class SmoothCurve:
         knots = _with_points(parameter[-1] * share, parameter) if equal else np.quantile(parameter, share)
         self.pieces = pieces = len(knots) - 1
         knots = np.concatenate([np.repeat(knots[0], 3), knots, np.repeat(knots[-1], 3)])
-        self._spline: BSpline = make_lsq_spline(parameter, points, knots, k=3)
-        self._slope: BSpline = self._spline.derivative()
+        self._spline: scipy.interpolate.BSpline = scipy.interpolate.make_lsq_spline(parameter, points, knots, k=3)
+        self._slope: scipy.interpolate.BSpline = self._spline.derivative()
         self._parameter = np.linspace(parameter[0], parameter[-1], 8 * pieces + 33)
         dense = self._spline(self._parameter)
         self._distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def local_widths(left: Array, right: Array) -> Array:
     ndarray, shape (n,)
         Distances in the unit of the points.
     """
-    nearest = cKDTree(right).query(left)[1]
+    nearest = scipy.spatial.cKDTree(right).query(left)[1]
     # The points are far apart, so that the distance to the nearest point itself would be too large.
     behind, ahead = right[np.maximum(nearest - 1, 0)], right[np.minimum(nearest + 1, len(right) - 1)]
     chord = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)

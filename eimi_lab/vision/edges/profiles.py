@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import erf
 
 Array = NDArray[np.float64]
 
@@ -356,7 +356,7 @@ def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
     returned arrays have the shape of `distances`.
     """
     z = distances / blur
-    return 0.5 * (1.0 + erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
+    return 0.5 * (1.0 + scipy.special.erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 
 def _inverse(normal: Array) -> Array:

@@ -8,9 +8,8 @@ the place of the edge.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import curve_fit
-from scipy.special import ndtr
 
 Array = NDArray[np.float64]
 
@@ -69,7 +68,7 @@ def estimate_gamma(
         return gamma
     start = (1.0, dark, 0.0, blur, 1.0)
     try:
-        parameters, covariance = curve_fit(
+        parameters, covariance = scipy.optimize.curve_fit(
             _step, place, mean, start, sigma=1.0 / np.sqrt(count[full]), bounds=_BOUNDS, max_nfev=60
         )
     except RuntimeError:  # no minimum within the allowed number of steps
@@ -85,7 +84,7 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
     The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
     """
     z = place / blur
-    rise, bell = ndtr(z), np.exp(-0.5 * z**2)
+    rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)
     light = dark + (1.0 - dark) * rise
     columns = np.column_stack([light, 1.0 - rise, bell, z * bell, -light * np.log(light)])
     return 1.0 + float(np.linalg.lstsq(weight[:, None] * columns, weight * (mean - light), rcond=None)[0][4])
@@ -93,5 +92,5 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
     """Return the grey values of a blurred step of light that a camera with the given gamma stores."""
-    light = dark + (1.0 - dark) * ndtr((place - offset) / blur)
+    light = dark + (1.0 - dark) * scipy.special.ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))

@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.clamp_line import ClampLine
@@ -241,7 +241,7 @@ def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | 
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     turn = np.degrees(np.arctan2(cross, (before * after).sum(axis=1)))
 
-    highest = maximum_filter1d(turn, _PLACES_IN_WIDTH // 2)
+    highest = scipy.ndimage.maximum_filter1d(turn, _PLACES_IN_WIDTH // 2)
     peaks = np.flatnonzero((turn == highest) & (turn > _LEAST_TURN_DEG))
     best: tuple[int, int] | None = None
     for first in peaks:

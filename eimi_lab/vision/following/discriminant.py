@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from eimi_lab.vision.following.unrolled import ColourBins, UnrolledPicture
 
@@ -128,7 +128,9 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
     weighted = share[..., None] * colours
     total = weighted.sum(axis=1)
     square = np.swapaxes(weighted, 1, 2) @ colours
-    count, total, square = (uniform_filter1d(part, window, axis=0, mode="nearest") for part in (count, total, square))
+    count, total, square = (
+        scipy.ndimage.uniform_filter1d(part, window, axis=0, mode="nearest") for part in (count, total, square)
+    )
     count = np.maximum(count, 1e-3)
     mean = total / count[:, None]
     return mean, square / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
@@ -143,7 +145,7 @@ def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArr
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)
-        count = gaussian_filter(count, 0.7, mode="constant")
+        count = scipy.ndimage.gaussian_filter(count, 0.7, mode="constant")
         counts.append(count.ravel() / max(count.sum(), 1e-9))
     rare = 0.05 / bins.total  # a colour that does not occur is evidence for neither side
     return np.asarray((counts[0] + rare) / (counts[0] + counts[1] + 2.0 * rare))[bins.index]

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
-from scipy.special import ndtr
 
 from eimi_lab.vision.edges.curve import SmoothCurve
 from eimi_lab.vision.edges.profiles import AVERAGED_PX, Steps, fit_steps, normals_of, read_profiles, stations
@@ -126,7 +125,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
     points: shape (n, 2). seam: the points of the edge, shape (m, 2).
     """
-    return np.asarray(cKDTree(seam).query(points)[1])
+    return np.asarray(scipy.spatial.cKDTree(seam).query(points)[1])
 
 
 @dataclass(frozen=True)
@@ -198,7 +197,7 @@ class _Edge:
             beside, _ = self._profiles(curve, place, station, away)
             slope = _common(*_slopes_of_lines(beside, away))
             z = way * u / blur
-            ramp = way * blur * (np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) + z * ndtr(z))
+            ramp = way * blur * (np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) + z * scipy.special.ndtr(z))
             added += slope[:, None] * ramp
         return added
 

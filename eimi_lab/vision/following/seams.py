@@ -7,8 +7,8 @@ at stations (places) along the beam. A seam is a connected line with one point a
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def fall_across(
     places = share.shape[1]
     lower, upper = mean[:, :places], mean[:, arm + 1 : arm + 1 + places]
     window = max(1, round(_ALONG * stations_in_width))
-    return uniform_filter1d(outward * (lower - upper), window, axis=0, mode="nearest")
+    return scipy.ndimage.uniform_filter1d(outward * (lower - upper), window, axis=0, mode="nearest")
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:

@@ -23,8 +23,8 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, median_filter, uniform_filter1d
 
 from eimi_lab.vision.following.colour_seams import OUTWARD, Seams, find_colour_seams
 from eimi_lab.vision.following.discriminant import INSIDE_BAND, OUTSIDE_BAND, ColourProjection
@@ -71,17 +71,19 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
         np.stack([side.separation for side in seams.projected]) for seams in (colour_seams, body)
     )
     clear = shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)
-    moved = clear & (body.support > _HALF) & (median_filter(shift, size=(1, window), mode="nearest") > least)
+    moved = (
+        clear & (body.support > _HALF) & (scipy.ndimage.median_filter(shift, size=(1, window), mode="nearest") > least)
+    )
     moved &= np.stack([is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)])
     opening = np.ones((1, window), dtype=bool)
-    dark = binary_opening(moved, opening)
+    dark = scipy.ndimage.binary_opening(moved, opening)
     if not dark.any():
         return colour_seams
     dark |= clear & (dark.mean(axis=1, keepdims=True) > _ALONG_IT)
     of_surroundings = [
         _has_hue_of_surroundings(unrolled, *pair, window) for pair in zip(body.edge, colour_seams.edge, strict=True)
     ]
-    moved = binary_opening(moved & np.stack(of_surroundings), opening)
+    moved = scipy.ndimage.binary_opening(moved & np.stack(of_surroundings), opening)
     moved |= clear & (moved.mean(axis=1, keepdims=True) > _ALONG_IT)
     shadow = np.where(dark, shift, 0.0)
     for edge, border, places in zip(body.edge, colour_seams.edge, moved, strict=True):
@@ -158,8 +160,8 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
     places over which the mean is taken.
     """
     in_image = (mask & unrolled.inside)[..., None]
-    total = uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
-    count = uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
+    total = scipy.ndimage.uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
+    count = scipy.ndimage.uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
     return np.asarray(total / np.maximum(count, 1e-3))
 
 

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, median_filter
 
 from eimi_lab.vision.following.colour_seams import OUTWARD, find_colour_seams
 from eimi_lab.vision.following.discriminant import ColourProjection
@@ -166,10 +166,10 @@ def _sound(
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
     local = max(3, round(_LOCAL * unrolled.stations_in_width))
-    deviation = np.abs(edge - median_filter(edge, size=(1, local), mode="nearest"))
+    deviation = np.abs(edge - scipy.ndimage.median_filter(edge, size=(1, local), mode="nearest"))
     sound = (support > _HALF) & (turn < _SHARPEST) & (separation > _LEAST_SEPARATION) & (deviation < _OUTLIER)
     shortest = max(2, round(_SHORTEST * unrolled.stations_in_width))
-    return np.asarray(binary_opening(sound, np.ones((1, shortest), dtype=bool)))
+    return np.asarray(scipy.ndimage.binary_opening(sound, np.ones((1, shortest), dtype=bool)))
 
 
 def _turn(seam: Array, arm: int) -> Array:

@@ -10,9 +10,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import lapack
-from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -77,7 +76,7 @@ class BandAssembly:
                 [(source[c].astype(np.int32), target[c].astype(np.int32), new) for c, new in chosen if c.any()]
             )
         free = np.flatnonzero(dofs.ravel() >= 0)
-        self._sum = csr_array((np.ones(len(free)), (dofs.ravel()[free], free)), shape=(n, dofs.size))
+        self._sum = scipy.sparse.csr_array((np.ones(len(free)), (dofs.ravel()[free], free)), shape=(n, dofs.size))
         self._cache: dict[int, list[list[_Layer]]] = {}
 
     def _indices(self, batch: int) -> list[list[_Layer]]:
@@ -174,7 +173,7 @@ class BandFactor:
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
             return self._by_lu(right)
-        x, _ = lapack.dpbtrs(self.cholesky, _columns(right), lower=1)
+        x, _ = scipy.linalg.lapack.dpbtrs(self.cholesky, _columns(right), lower=1)
         solutions = np.asarray(x.T.reshape(right.shape))
         if self.lu:
             solutions[..., self.indefinite, :] = self._by_lu(right[..., self.indefinite, :])
@@ -182,7 +181,7 @@ class BandFactor:
 
     def _by_lu(self, right: Array) -> Array:
         assert self.lu
-        x, _ = lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, _columns(right), self.lu[1])
+        x, _ = scipy.linalg.lapack.dgbtrs(self.lu[0], self.bandwidth, self.bandwidth, _columns(right), self.lu[1])
         return np.asarray(x.T.reshape(right.shape))
 
 
@@ -217,7 +216,7 @@ def factorise(
         lu, sound = _general_factors(band, upper, sound)
         return BandFactor(sound, np.zeros(len(band), bool), None, lu, k)
     batch, n, width = band.shape
-    cholesky, info = lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1, overwrite_ab=only_definite)
+    cholesky, info = scipy.linalg.lapack.dpbtrf(band.reshape(batch * n, width).T, lower=1, overwrite_ab=only_definite)
     indefinite = np.zeros(batch, bool)
     if info == 0:
         return BandFactor(sound, indefinite, cholesky, None, k)
@@ -230,7 +229,7 @@ def factorise(
         if behind == batch:
             break
         # The blocks after the one that failed are unchanged: the factorisation goes on with them, in place.
-        _, info = lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
+        _, info = scipy.linalg.lapack.dpbtrf(cholesky[:, behind * n :], lower=1, overwrite_ab=1)
     if only_definite:
         return BandFactor(sound & ~indefinite, indefinite, cholesky, None, k)
     others = band[indefinite]
@@ -250,7 +249,7 @@ def _general_factors(
     n, width = lower.shape[1:]
     while True:
         full = _general(_with_identity(lower, sound), _with_identity(upper, sound))
-        lu, pivots, info = lapack.dgbtrf(full, width - 1, width - 1, overwrite_ab=1)
+        lu, pivots, info = scipy.linalg.lapack.dgbtrf(full, width - 1, width - 1, overwrite_ab=1)
         if info == 0:
             return (lu, pivots), sound
         # An exactly zero pivot: find which candidate it belongs to and go on without it.

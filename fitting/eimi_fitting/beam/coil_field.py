@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
-from scipy.interpolate import RectBivariateSpline
 
 from eimi_fitting.beam.specimen import VACUUM_PERMEABILITY
 
@@ -54,7 +53,7 @@ def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array,
     """
     rho, z, a = np.abs(radial_m), axial_m, radius_m
     outer, inner = (a + rho) ** 2 + z**2, (a - rho) ** 2 + z**2
-    k, e = special.ellipk(4 * a * rho / outer), special.ellipe(4 * a * rho / outer)
+    k, e = scipy.special.ellipk(4 * a * rho / outer), scipy.special.ellipe(4 * a * rho / outer)
     factor = VACUUM_PERMEABILITY / (2 * np.pi * np.sqrt(outer))
     axial = factor * (k + (a**2 - rho**2 - z**2) / inner * e)
     near = rho < _NEAR_AXIS * a
@@ -120,8 +119,11 @@ class FieldTable:
         return FieldTable(toward_tip, places, field)
 
     @cached_property
-    def _splines(self) -> tuple[RectBivariateSpline, RectBivariateSpline]:
-        first, second = (RectBivariateSpline(self.x_mm, self.y_mm, self.field[..., i], kx=3, ky=3) for i in range(2))
+    def _splines(self) -> tuple[scipy.interpolate.RectBivariateSpline, scipy.interpolate.RectBivariateSpline]:
+        first, second = (
+            scipy.interpolate.RectBivariateSpline(self.x_mm, self.y_mm, self.field[..., i], kx=3, ky=3)
+            for i in range(2)
+        )
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:

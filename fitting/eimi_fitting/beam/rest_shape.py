@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 Rows = tuple[tuple[float, float], ...]
@@ -60,7 +60,7 @@ class RestShape:
         at, angles = np.array(self.turns).T
         if len(at) < 4:  # too few rows for a cubic: straight lines between them
             return np.asarray(np.interp(shares, at, angles))
-        return np.asarray(CubicSpline(at, angles)(np.clip(shares, at[0], at[-1])))
+        return np.asarray(scipy.interpolate.CubicSpline(at, angles)(np.clip(shares, at[0], at[-1])))
 
     @property
     def kinks(self) -> Array:
@@ -120,7 +120,7 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
         first = int(np.argmin(steps)) + 1
         raise ValueError(f"points {first} and {first + 1} of the centre line are the same: remove one of them")
     chord = np.concatenate([[0.0], np.cumsum(steps)])
-    spline = CubicSpline(chord, points, bc_type=((1, np.array([1.0, 0.0])), "not-a-knot"))
+    spline = scipy.interpolate.CubicSpline(chord, points, bc_type=((1, np.array([1.0, 0.0])), "not-a-knot"))
     fine = np.linspace(0, chord[-1], 20 * len(points))
     slope = spline(fine, 1)
     speed = np.linalg.norm(slope, axis=1)

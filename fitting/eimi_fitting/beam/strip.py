@@ -18,8 +18,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from eimi_fitting.beam.rest_shape import RestShape, Rows, table_at
 from eimi_fitting.beam.specimen import Specimen
@@ -107,12 +107,14 @@ class Strip:
         return np.asarray(before + (beyond[1:] - beyond[0]).reshape(s.shape))
 
     @cached_property
-    def _centre(self) -> CubicHermiteSpline:
+    def _centre(self) -> scipy.interpolate.CubicHermiteSpline:
         ends = np.linspace(0, self._length, _FINE + 1)
         middle = 0.5 * (ends[1:] + ends[:-1])
         at_ends, at_middle = (np.stack([np.cos(a), np.sin(a)], axis=1) for a in map(self.angle_rad, (ends, middle)))
         steps = (at_ends[:-1] + 4 * at_middle + at_ends[1:]) * (ends[1] / 6)  # Simpson's rule
-        return CubicHermiteSpline(ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends)
+        return scipy.interpolate.CubicHermiteSpline(
+            ends, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]), at_ends
+        )
 
     def at_rest(self, straight_mm: Array) -> Array:
         """Return the positions (x, y) at rest of n points (x, y) of the straight strip, (n, 2) in mm.

@@ -17,8 +17,8 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from eimi_fitting.beam.band import BandAssembly, BandFactor, bandwidth, bounded, factorise
 from eimi_fitting.beam.mesh import Indices
@@ -75,7 +75,9 @@ class System:
             tied_dofs = dofs[tied].ravel()
             free = np.flatnonzero(tied_dofs >= 0)
             self._columns, place = np.unique(tied_dofs[free], return_inverse=True)
-            self._gather = csr_array((np.ones(len(free)), (place, free)), shape=(len(self._columns), tied_dofs.size))
+            self._gather = scipy.sparse.csr_array(
+                (np.ones(len(free)), (place, free)), shape=(len(self._columns), tied_dofs.size)
+            )
             self._in_band = n + 2 - int(self._columns[0]) <= bandwidth(dofs)
             if self._in_band:
                 # Places in the lower band (n + 3, w): entry (i, j) stands at row j, column i - j.

@@ -23,8 +23,8 @@ at the tip. The twist is t . omega. For a straight beam across the field it is -
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from eimi_fitting.beam.specimen import Specimen
 
@@ -103,7 +103,7 @@ def twist_per_tilt(
     system[..., :2, :2] = -moment_N_m[..., None, None] * flexible @ _CROSS_Z
     system[..., :2, 2:] = flexible
     system[..., 2:, :2] = np.einsum("ksi,ksj->ksij", around, normal)  # (omega x t) . z = -omega . n
-    transfer = expm(spacing[..., None, None] * system)
+    transfer = scipy.linalg.expm(spacing[..., None, None] * system)
     # Unit moments at the clamp, then the combination that fulfils the condition at the magnet.
     states = [np.broadcast_to(np.eye(4)[:, 2:], (len(middle_mm), 4, 2))]
     for index in range(transfer.shape[1]):

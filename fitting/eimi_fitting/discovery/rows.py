@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 Array = NDArray[np.float64]
 
@@ -91,4 +91,4 @@ def non_negative(columns: Array, observed: Array) -> Array:
     """
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 0, size, 1.0)
-    return np.asarray(optimize.nnls(columns / size, observed)[0] / size)
+    return np.asarray(scipy.optimize.nnls(columns / size, observed)[0] / size)

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from eimi_fitting.laws.law import (
@@ -261,8 +262,6 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
     """Fit the Ogden law: search the exponents from several starts, with least squares for non-negative moduli."""
-    from scipy import optimize  # imported here because it loads slowly and beam models do not need it
-
     lower = np.array([c.lower for c in law.coordinates[-3:]])
     upper = np.array([c.upper for c in law.coordinates[-3:]])
     target = weight * stress
@@ -272,13 +271,13 @@ def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> Str
     def shares_of(exponents: Array) -> tuple[Array, Array]:
         terms = weight[:, None] * _stress_of_terms(law, exponents, strain)
         size = np.linalg.norm(terms, axis=0)
-        shares = optimize.nnls(terms / size, target)[0] / size
+        shares = scipy.optimize.nnls(terms / size, target)[0] / size
         return shares, terms @ shares - target
 
     scale = np.linalg.norm(target)
     fractions = (np.arange(_STARTS_EACH) + 0.5) / _STARTS_EACH
     searches = [
-        optimize.least_squares(
+        scipy.optimize.least_squares(
             lambda exponents: shares_of(exponents)[1] / scale,
             lower + np.array(start) * (upper - lower),
             bounds=(lower, upper),

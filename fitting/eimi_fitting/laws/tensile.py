@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from eimi_fitting.correlation import correlation_length
 from eimi_fitting.laws.law import CannotFit, Law, StressFit
@@ -209,8 +209,6 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     uniform distribution. The interval of a coordinate ends at the bounds of the search. The interval of a dimensionless
     parameter contains the values of this parameter at all combinations of the ends of the coordinates' intervals.
     """
-    from scipy import optimize  # imported here because it loads slowly and beam models do not need it
-
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
     target = weight * stress
@@ -227,7 +225,7 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
 
     fractions = (np.arange(_STARTS_EACH) + 0.5) / _STARTS_EACH
     searches = [
-        optimize.least_squares(
+        scipy.optimize.least_squares(
             lambda ratios: modulus_and_residual(ratios)[1] / np.linalg.norm(target),
             lower + np.array(start) * (upper - lower),
             bounds=(lower, upper),
@@ -339,7 +337,7 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
     if information is not None:
         normal = normal + information / np.outer(size, size)
     covariance = np.linalg.pinv(normal, hermitian=True) / np.outer(size, size)
-    return covariance, float(special.stdtrit(freedom, 0.975)), tau
+    return covariance, float(scipy.special.stdtrit(freedom, 0.975)), tau
 
 
 def correlation_of(covariance: Array) -> Array:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from eimi_fitting.time.modal_fit import ModalFit, exponent, wave
 
@@ -83,7 +83,9 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
             orthogonal, _ = np.linalg.qr(np.column_stack([*wave(psi), *wave(2 * psi), slow]))
             return np.asarray((z - orthogonal @ (orthogonal.T @ z)).ravel())
 
-        solved = least_squares(residuals, fitted.modes[0], method="lm", x_scale=[1e-3, 1e-2], diff_step=1e-6)
+        solved = scipy.optimize.least_squares(
+            residuals, fitted.modes[0], method="lm", x_scale=[1e-3, 1e-2], diff_step=1e-6
+        )
         spread = np.sqrt((solved.fun**2).sum() / max(solved.fun.size - 2 - 4 * z.shape[1], 1))
         sigma = spread * np.sqrt(np.diag(np.linalg.pinv(solved.jac.T @ solved.jac)))
         frequency = float(np.exp(solved.x[0]) / (2 * np.pi))

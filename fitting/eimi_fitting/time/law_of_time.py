@@ -20,8 +20,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
@@ -272,7 +272,7 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
         slopes = (ends[:m] - ends[m:]) / (2 * _STEP * scale[:, None])
         return np.ascontiguousarray(np.where(np.isfinite(slopes), slopes, 0.0).T)
 
-    solved = least_squares(
+    solved = scipy.optimize.least_squares(
         residuals, start, jac=jacobian, method="lm", x_scale=scale, max_nfev=_POLISH_STEPS, ftol=1e-6, xtol=1e-6
     )
     spent = int(solved.nfev + 2 * m * (solved.njev or 0))

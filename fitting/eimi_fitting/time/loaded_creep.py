@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from eimi_fitting.laws.prony import Prony
 
@@ -53,7 +53,7 @@ class LoadCurve:
         if len(order) < 4:
             return LoadCurve(rotation[order], moment[order])
         even = np.linspace(rotation[order[0]], rotation[order[-1]], _NODES)
-        return LoadCurve(even, CubicSpline(rotation[order], moment[order])(even))
+        return LoadCurve(even, scipy.interpolate.CubicSpline(rotation[order], moment[order])(even))
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:

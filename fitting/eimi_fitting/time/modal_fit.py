@@ -24,9 +24,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
-from scipy.optimize import least_squares
 
 from eimi_fitting.time.channels import Signals
 
@@ -113,7 +112,9 @@ class ModalFit:
 
         start = np.concatenate([modes.ravel(), np.zeros(2 if has_bend else 0)])
         scale = np.tile([1e-3, 1e-2], len(start) // 2)
-        solved = least_squares(residuals, start, method="lm", x_scale=scale, diff_step=1e-6, max_nfev=60 * len(start))
+        solved = scipy.optimize.least_squares(
+            residuals, start, method="lm", x_scale=scale, diff_step=1e-6, max_nfev=60 * len(start)
+        )
         residual = solved.fun.reshape(signals.reduced.shape)
         fitted = solved.x[: 2 * count].reshape(-1, 2)
         freedom = max(residual.size - solved.x.size - residual.shape[1] * 20, 1)
@@ -274,7 +275,7 @@ def _baseline(time: Array, frequency: float) -> Array:
     ends = np.linspace(0, 1, inner + 2) ** 1.5
     degree = 3 if inner else 1
     knots = np.concatenate([np.zeros(degree), ends, np.ones(degree)])
-    return np.asarray(BSpline.design_matrix(np.minimum(x, 1.0), knots, degree).toarray())
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(np.minimum(x, 1.0), knots, degree).toarray())
 
 
 def _misfit(signals: Signals, mode: Array) -> float:

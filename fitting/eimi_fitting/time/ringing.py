@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.polynomial.chebyshev import chebval, chebvander
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.loads import Loads
@@ -193,9 +193,9 @@ class RingTable:
         squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES) / ratios[:, None]
         squares = squares.reshape(loads, _MODULI, _DEGREE + 1, _MODES)[:, sound]
         size = squares.mean(axis=2)
-        self._size = CubicSpline(logs[sound], np.log(size), axis=1)
+        self._size = scipy.interpolate.CubicSpline(logs[sound], np.log(size), axis=1)
         values = np.linalg.inv(chebvander(_chebyshev_points(), _DEGREE)) @ (squares / size[:, :, None])
-        self._polynomials = CubicSpline(logs[sound], values, axis=1)
+        self._polynomials = scipy.interpolate.CubicSpline(logs[sound], values, axis=1)
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:

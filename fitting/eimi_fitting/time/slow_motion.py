@@ -8,8 +8,8 @@ displacement of the point is converted to a rotation of the tip.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.time.channels import Signals
@@ -108,7 +108,9 @@ def shown_rotations(
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     order = np.argsort(angle)
     even = np.linspace(angle.min(), angle.max(), _NODES)
-    return even, CubicSpline(angle[order], ((moved / signals.sigma_mm) @ gain / (gain @ gain))[order])(even)
+    return even, scipy.interpolate.CubicSpline(
+        angle[order], ((moved / signals.sigma_mm) @ gain / (gain @ gain))[order]
+    )(even)
 
 
 def _places(beam: RingingBeam, rest_mm: Array) -> Array:

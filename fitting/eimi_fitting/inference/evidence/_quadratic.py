@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -32,8 +33,8 @@ def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
     free = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
     if (unit + free >= 0.0).all() and (unit + free <= 1.0).all():
         return free
-    from scipy import optimize  # slow to load, and most steps stay inside
-
     factor = np.linalg.cholesky(hessian)
-    bounded = optimize.lsq_linear(factor.T, -np.linalg.solve(factor, gradient), (-unit, 1.0 - unit), method="bvls")
+    bounded = scipy.optimize.lsq_linear(
+        factor.T, -np.linalg.solve(factor, gradient), (-unit, 1.0 - unit), method="bvls"
+    )
     return np.asarray(bounded.x)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scipy import special
-
-NORMAL_95 = float(special.ndtri(0.975))
+NORMAL_95 = 1.959963984540054
 """Half-width of the 95 % interval of a normal distribution, in standard deviations (1.96)."""
 
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from eimi_fitting.inference.evidence.quantity import NORMAL_95, Quantity
 from eimi_fitting.inference.interval.profile_likelihood import Ends
@@ -53,7 +53,7 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
     contains one draw (McKay, Beckman and Conover 1979, Technometrics 21:239).
     """
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
-    return np.asarray(special.ndtri((ranks + 0.5) / _DRAWN))
+    return np.asarray(scipy.special.ndtri((ranks + 0.5) / _DRAWN))
 
 
 def draw_noise(

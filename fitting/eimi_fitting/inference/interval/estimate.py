@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from eimi_fitting.inference.evidence.corrections import FINER_MESH, SOLID
 from eimi_fitting.inference.evidence.experiment import DISCARDED_MM
@@ -279,7 +279,7 @@ def _widened(problem: Problem, about: Linearisation) -> float:
         return 1.0
     edges = sum(states.residuals.shape[0] * states.residuals.shape[1] for states in about.states)
     freedom = max(min(about.noise_points - len(about.unit), edges - 1), 1.0)
-    return float(special.stdtrit(freedom, 0.975)) / NORMAL_95
+    return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
 
 def _ends(

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize, special
 
 from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.loads import Loads
@@ -31,6 +31,7 @@ from eimi_fitting.inference.evidence.corrections import FINER_MESH, MESH_ORDER, 
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, edge_curves, points_on
 from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.evidence.sources import StatedSource
 from eimi_fitting.inference.evidence.unknowns import Unknowns
 from eimi_fitting.inference.interval.considered import considered
@@ -43,7 +44,6 @@ Array = NDArray[np.float64]
 Choice = NDArray[np.intp]
 
 MODULUS = "initial shear modulus"
-_NORMAL = float(special.ndtri(0.975))
 _DECADES = 1.5  # searched below and above the modulus, as in `inference.searching.modulus_range`
 _SLOPE_STEP = 1e-4
 _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
@@ -66,7 +66,7 @@ class KnownLaw:
         lower, upper = (modulus * 10.0**end for end in (-_DECADES, _DECADES))
         space = replace(space, lower=(lower, *space.lower[1:]), upper=(upper, *space.upper[1:]))
         scale = np.where(np.array(self.law.units) == "Pa", modulus, 1.0)
-        solution = optimize.least_squares(
+        solution = scipy.optimize.least_squares(
             lambda unit: (space.parameters(unit[None])[0] - self.parameters) / scale,
             np.full(len(space.names), 0.5),
             bounds=(0.0, 1.0),
@@ -174,7 +174,7 @@ class Candidates:
 
         The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
         """
-        return 100 * _NORMAL * float(np.sqrt(self.variance(choice[None])[0]))
+        return 100 * NORMAL_95 * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the standard deviation of the goal quantity due to each source of uncertainty, in per cent.
@@ -200,7 +200,7 @@ class Candidates:
         The factor is the 97.5 % quantile of Student's t, divided by the 97.5 % quantile of the normal distribution.
         """
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
-        return float(special.stdtrit(freedom, 0.975)) / _NORMAL
+        return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
         """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
@@ -224,10 +224,10 @@ class Candidates:
         alone = self.goal[0] * self.source_score[informative, 0] / information[informative, None]  # (S', C)
         heavy = 1e3 * max(float(np.abs(alone).max(initial=0.0)), 1e-6)  # enforces that the weights sum to one
         rows = np.vstack([alone.T, np.full((1, int(informative.sum())), heavy)])
-        weights, _ = optimize.nnls(rows, np.append(np.zeros(alone.shape[1]), heavy))
+        weights, _ = scipy.optimize.nnls(rows, np.append(np.zeros(alone.shape[1]), heavy))
         share = most / (most + prior)  # the prior reduces the error of the estimate by this factor
         sources = (share * (weights / weights.sum()) @ alone) ** 2
-        return 100 * _NORMAL * float(np.sqrt(noise + sources.sum() + self.irreducible**2))
+        return 100 * NORMAL_95 * float(np.sqrt(noise + sources.sum() + self.irreducible**2))
 
 
 def candidates(
@@ -295,7 +295,7 @@ def candidates(
         prior=np.diag(unknowns.prior),
         goal=_goal(known, unknowns, unit, goal),
         points=noise.points / noise.alike,
-        irreducible=noise.left_percent / 100 / _NORMAL,
+        irreducible=noise.left_percent / 100 / NORMAL_95,
     )
 
 
@@ -348,7 +348,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
     if mesh_correction is None:
         return {}
     scale = (problem.experiments[0].model.along / along) ** MESH_ORDER
-    return {FINER_MESH.name: scale * FINER_MESH.remaining_share / _NORMAL * mesh_correction.changes[0]}
+    return {FINER_MESH.name: scale * FINER_MESH.remaining_share / NORMAL_95 * mesh_correction.changes[0]}
 
 
 def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
