@@ -106,7 +106,7 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield every number, word and list of numbers below a JSON node, each after the keys that lead to the value.
+    """Yield every number, word and list of numbers below a JSON node, each with the keys that lead to the value.
 
     Keys that describe the run and not the result, such as times and paths, are left out.
     """

@@ -58,7 +58,7 @@ class TimedSupply(CoilSupply):
     ----------
     driver : str
         The name of the driver. It determines what switches the supply off: a current of zero for a Kepco supply, and
-        the output for every other family.
+        switching the output off for every other family.
 
     Attributes
     ----------

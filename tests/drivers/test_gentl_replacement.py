@@ -2,7 +2,8 @@
 
 The tests use replacements for the packages harvesters and genicam.
 
-`test_gentl_camera` tests the driver with these packages, if they are installed. `test_time_limits` tests its frames.
+`test_gentl_camera` tests the driver with these packages, if they are installed. `test_time_limits` tests how the
+driver reads frames.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The tests use replacements for the library Aravis and for the process.
 
-The binding of Aravis is tested with replacements for the shared libraries. `test_aravis_camera` tests all of these with
-Aravis itself.
+The binding of Aravis is tested with replacements for the shared libraries. `test_aravis_camera` tests the
+camera, its process and the binding with Aravis itself.
 """
 
 from __future__ import annotations

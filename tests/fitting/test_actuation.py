@@ -40,7 +40,8 @@ class TipMoment:
 class GradientForce:
     """The force of a field gradient on the magnet, which acts on the dipole at the centre of the magnet.
 
-    numbers: the derivatives of the field along x and y in T/mm in each of K states, shape (K, 2).
+    numbers: derivatives of the field in T/mm in each of K states, shape (K, 2). The moment of the dipole times the two
+    derivatives is the force along x and y.
     """
 
     numbers: np.ndarray

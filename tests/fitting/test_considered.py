@@ -251,7 +251,7 @@ def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
 def test_a_wrong_width_favours_no_law(law, parameters):
     """A wrong width and length, within their uncertainties, do not change which law is chosen.
 
-    They cause residuals ten times as large as the noise, and larger than the differences between the laws.
+    The two errors cause residuals ten times as large as the noise, and larger than the differences between the laws.
     """
     wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
     edges = experiment(noisy_edges(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)

@@ -191,8 +191,8 @@ def shared(source: str, size: float) -> SharedUnknowns:
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
     """The budget, the list of uncertain inputs with their effects on the modulus, begins with the largest effect.
 
-    The function `budget` also predicts the interval of the modulus if the uncertainty of this input is halved. Here,
-    two inputs change the modulus by 1 % and by 3 %.
+    The function `budget` also predicts the interval of the modulus if the uncertainty of the first input is halved.
+    Here, two inputs change the modulus by 1 % and by 3 %.
     """
     sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)

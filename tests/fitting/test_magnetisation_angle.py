@@ -1,6 +1,7 @@
 """A magnet that is magnetised at an angle to the beam has the right torque, and a fit can find this angle.
 
-The angle can be found if both signs of the current were measured. Otherwise it widens the interval of the modulus.
+The angle can be found if both signs of the current were measured. Otherwise the unknown angle widens the interval of
+the modulus.
 
 The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
 rotation of a uniform field. According to an independent solid model of 27-node hexahedra, an ignored angle of three
@@ -41,9 +42,10 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return an experiment (beam model, loads and edges) with a tilted magnet, whose file gives no tilt.
+    """Return an experiment (beam model, loads and edges) with a magnet that is magnetised at an angle to the beam.
 
-    stated_deg: standard uncertainty of the tilt in the file (degrees); None if the file gives no uncertainty.
+    The file of the specimen gives no angle. stated_deg: the standard uncertainty of the angle in the file (degrees);
+    None if the file gives no uncertainty.
     """
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)

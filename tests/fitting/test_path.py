@@ -87,7 +87,7 @@ def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(se
 def test_shapes_on_a_mesh_with_other_nodes_are_not_used_as_a_start():
     """Shapes on a mesh with other nodes are not used as a start; the states are then solved in order.
 
-    The mesh of a magnet that is narrower than the beam has more elements.
+    The mesh of a beam whose magnet is narrower than the beam has more elements, and therefore other nodes.
     """
     law, loads, modulus = LAWS["neo-hookean"], Loads.along([0.0, 4.0]), np.array([[46e3]])
     wide = type3("plane-stress")

@@ -1,4 +1,4 @@
-"""The ends of intervals, which the profile likelihood gives, are right for deviances with ends in closed form.
+"""The profile likelihood gives the right ends of an interval for deviances whose ends are known in closed form.
 
 The deviance is twice the decrease of the log-likelihood from its maximum.
 """

@@ -26,7 +26,7 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """Return the edges of one set of parameters, points (x, y) in mm, shape (K, 2, m, 2).
+    """Return the edges of a beam with one set of parameters: points (x, y) in mm, shape (K, 2, m, 2).
 
     The axes are: K states, left and right edge, m points, x and y.
     """

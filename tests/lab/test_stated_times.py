@@ -103,7 +103,8 @@ def test_a_time_or_bound_has_the_value_that_is_relied_on(module: Any, name: str,
 def test_the_times_of_run_and_guardian_leave_room_for_each_other() -> None:
     """A run and its guardian, the process that switches the coil off, send signs of life often enough.
 
-    The run sends a sign every 0.1 s. The guardian counts as gone after 1.5 s, and the run as stopped after 5 s.
+    The run sends a sign every 0.1 s. Without a sign, the guardian counts as gone after 1.5 s, and the run as
+    stopped after 5 s.
     """
     assert 10 * guardian.BEAT_EVERY_S < guardian.SILENT_FOR_S < guardian.STILL_FOR_S < guardian.LONGEST_GAP_S
     assert coil.WATCH_EVERY_S < guardian.STILL_FOR_S

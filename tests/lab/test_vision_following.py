@@ -173,8 +173,8 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
     """An edge that is reliable on half of its length is doubtful if the gaps are short, and unusable with one long gap.
 
-    The edge has 400 stations, which are places along the beam. In the edge with short gaps, ten of
-    every twenty stations are reliable; in the edge with a long gap, the first 200 stations are reliable.
+    The edge has 400 stations, which are places along the beam. In the edge with short gaps, ten of every twenty
+    stations are reliable; in the edge with a long gap, the first 200 stations are reliable.
     """
     place = np.arange(400)
     flags_of_cases = []

@@ -263,7 +263,9 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the rows and the columns of the picture that show the strip, or the whole picture with the finger.
+        """Return the rows and the columns of the picture that show the strip.
+
+        If the finger is drawn, return all rows and columns of the picture.
 
         drawn: the polygons of the strip at several times of one exposure.
         """

@@ -197,9 +197,10 @@ def held(specimen: Specimen, along: int, across: int) -> SolidModel:
 
 
 def against_plane_strain(name: str) -> float:
-    """Return the largest distance (mm) between points of the plane-strain model and of the solid held in plane strain.
+    """Return the largest difference (mm) between the plane-strain model and the solid that is held in plane strain.
 
-    The beam has a magnet and bends in a field of up to 7 mT. name: the law.
+    The coordinates of the same points of the beam are compared. The beam has a magnet and bends in a field of up to
+    7 mT. name: the law.
     """
     law = LAWS[name]
     parameters = np.array(LAW_EXAMPLES[name]) * [1 if u == "1" else 4.6e4 for u in law.units]

@@ -1,4 +1,4 @@
-"""The prior of the factor on the magnetic loads, in the fit of a viscoelastic (Prony) law, is right.
+"""In the fit of a viscoelastic (Prony) law, an unknown factor multiplies the magnetic loads; its prior is right.
 
 The prior contains the given uncertainty of the magnetic moment, and affects the moduli of the Prony law.
 """

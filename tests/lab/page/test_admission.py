@@ -1,4 +1,4 @@
-"""The dashboard in the browser answers only requests with its token from its own address.
+"""The dashboard in the browser answers only requests that contain its token and come from its own address.
 
 The dashboard shows only files of its folder.
 """
