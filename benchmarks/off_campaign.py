@@ -1,4 +1,4 @@
-"""Measure how quickly the coil is switched off from full current, for every fault that can prevent the switching.
+"""Measure how quickly the coil is switched off from full current, for every fault that can prevent this.
 
     python -m benchmarks.off_campaign --trials 5
 

@@ -1,7 +1,7 @@
 """The instrument classes of the Python package dcps work with the emulated supplies over TCP.
 
-So do single messages from the manuals. The extra `bench` installs dcps; without dcps the tests of its classes are
-skipped.
+Single messages from the manuals also have the right effect. The extra `bench` installs dcps; without dcps the tests of
+its classes are skipped.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
     """The half-width from noise in a plan is halved if the edges of the earlier fit have four times as many points.
 
-    The points are points that count as independent. Student's factor of a plan with four states is 2.2.
+    Only points that count as independent are counted. Student's factor of a plan with four states is 2.2.
     """
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))

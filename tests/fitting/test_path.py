@@ -166,7 +166,7 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """On a fine mesh, one load step reaches the same equilibrium as forty, although the rotation begins late.
+    """On a fine mesh, one load step reaches the equilibrium of forty load steps, although the rotation begins late.
 
     Extrapolation from two states predicts too much rotation, with an error that is too large for small elements.
     """

@@ -51,9 +51,9 @@ def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -
 
 
 def test_a_bent_beam_twists_as_a_rod_in_space() -> None:
-    """The twist agrees with a chain of rigid pieces that bends and twists in three dimensions, at its least energy.
+    """The twist of the beam agrees with the twist of a chain of rigid pieces at its least energy.
 
-    The magnetic moment is tilted out of the plane by a small angle.
+    The chain bends and twists in three dimensions. The magnetic moment is tilted out of the plane by a small angle.
 
     In the material frame of a piece, x is along the rod, y is in the plane and z is normal to the plane.
     """

@@ -1,4 +1,4 @@
-"""A run reacts to a signal, to a lost guardian process and to its own end by the right calls in the right order.
+"""After a signal, the loss of its guardian process or its own end, a run makes the right calls in the right order.
 
 The guardian is the process that switches the coil off if the run dies.
 """

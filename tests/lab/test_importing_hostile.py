@@ -96,9 +96,10 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
-    """Every n-th frame of a video gets the load that acts at its time, or from its frame number on.
+    """If only every n-th frame of a video is imported, each of these frames gets the load that acts on it.
 
-    The video has twelve frames at 10 Hz; the second of the two loads ends before the video.
+    The table of loads contains the times or the frame numbers at which each load begins. The video has twelve frames at
+    10 Hz; the second of the two loads ends before the video.
     """
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):
@@ -300,7 +301,7 @@ def test_the_error_for_a_dataset_that_does_not_fit_on_the_disk_names_the_dataset
 def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
     """A damaged video gives one line of error, without messages of the video decoder.
 
-    The command runs in another process, because only there the test reads the messages of the decoder.
+    The command runs in another process, so that the test can read the messages of the decoder.
     """
     (files / "run.mp4").write_bytes(b"no video")
     (files / "states.csv").write_text("frame,current_A\n1,0\n2,1\n")

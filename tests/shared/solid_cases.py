@@ -47,7 +47,7 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
 def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Return the nodal forces of N nodes, shape (N, 3), of a dead traction on one face of a mesh.
 
-    axis, at: the face at the begin (at = 0) or end (at = -1) of this axis of the grid. traction: function from n
+    axis, at: the face at the beginning (at = 0) or end (at = -1) of this axis of the grid. traction: function from n
     points, shape (n, 3), to the traction at each point, shape (n, 3).
     """
     numbers = np.take(mesh.numbers, at, axis=axis)
