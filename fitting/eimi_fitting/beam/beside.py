@@ -109,7 +109,7 @@ class SolidBeside:
         self._column = column.reshape(-1)
 
     def __reduce__(self) -> tuple[type[SolidBeside], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments from which the model is built, like `BeamModel`."""
+        """Pickle only the arguments from which the model is built, because its arrays are large."""
         return SolidBeside, (self.specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def of(self, specimen: Specimen) -> SolidBeside:

@@ -59,7 +59,7 @@ class SolidModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[SolidModel], tuple[Specimen, int, int, int]]:
-        """Pickle only the arguments from which the model is built, like `BeamModel`."""
+        """Pickle only the arguments from which the model is built, because its arrays are large."""
         return SolidModel, (self.specimen, self.along, self.across, self.more)
 
     def solve(

@@ -347,7 +347,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the modulus ratios r for coordinates x from -1 to 1; 1/r is a linear function of x."""
+    """Return the modulus ratios r for coordinates x of the polynomials, from -1 to 1; 1/r is a linear function of x."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

@@ -73,8 +73,8 @@ class Projection:
     def smooth(self, moves: Array) -> Array:
         """Return the variance of N coefficients in mm^2, (N,), due to an error that is smooth along the edges.
 
-        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The error is as large as ``moves``: the
-        variance is ``error``, times the mean square of ``moves`` in each experiment.
+        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The variance is ``error``, times the mean
+        square of the coefficients in ``moves`` in each experiment, summed over the C changes.
         """
         parts, first = [], 0
         for basis in self.bases:

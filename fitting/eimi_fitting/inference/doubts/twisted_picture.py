@@ -1,4 +1,7 @@
-"""Displace measured edges as if a magnet with a moment normal to the plane of the picture had twisted the beam."""
+"""Subtract from measured edges the displacement that a twist of the beam by its magnet would cause.
+
+The field twists the beam if the moment of the magnet has a component normal to the plane of the picture.
+"""
 
 from __future__ import annotations
 

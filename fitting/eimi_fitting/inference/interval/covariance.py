@@ -166,7 +166,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The inverse variance of the n unknowns by the priors on the law's parameters, shape (n, n)."""
+        """The inverse covariance of the n unknowns that the priors on the law's parameters give, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property

@@ -76,7 +76,8 @@ def draw_noise(
         For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
         in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        For each of the C errors, an additional change of the first unknown, which determines the modulus.
+        For each of the C errors, an additional change of the first unknown, which determines the modulus, by one
+        standard deviation of the error.
 
     Returns
     -------

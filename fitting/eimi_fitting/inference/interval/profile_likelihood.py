@@ -84,7 +84,7 @@ class _End:
 
     @property
     def off(self) -> float:
-        """The relative difference of the candidate's deviance from the deviance of the end, |deviance / target - 1|."""
+        """The relative difference of the candidate's deviance from the target, |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property
