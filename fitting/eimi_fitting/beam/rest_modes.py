@@ -107,10 +107,10 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line due to bending mode i, times l and divided by the largest offset.
+    """Return the angle of the centre line in rad for bending mode i with the amplitude l, the flexible length.
 
-    The length of the flexible part is l, and x is the arc length divided by l. With ``integrals`` = 1, return the
-    offset of the centre line divided by the largest offset.
+    The amplitude is the largest offset of the centre line, and the angle is proportional to it. x is the arc length
+    divided by l. With ``integrals`` = 1, return the offset of the centre line divided by the largest offset.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

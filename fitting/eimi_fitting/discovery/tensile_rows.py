@@ -58,7 +58,7 @@ def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, floa
     floor_Pa = _FLOOR * float(np.abs(curve.stress_Pa).max())
     noise_Pa = max(float(np.sqrt(residuals_Pa @ residuals_Pa / freedom)), floor_Pa)
     if noise_Pa == 0.0:
-        raise CannotFit("every stress is zero")
+        raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
     tau = correlation_length(residuals_Pa[None], np.ones((1, count)))
     scale = np.sqrt(curve.weight / tau) / noise_Pa
     block = 1 if tau < 2 else int(np.ceil(2 * tau))

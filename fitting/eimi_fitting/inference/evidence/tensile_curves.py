@@ -96,7 +96,7 @@ class TensileEvidence:
         """
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
         if largest == 0.0:
-            raise CannotFit("every stress is zero")
+            raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
         alone = fit_tensile(LAWS[model], curve.strain, curve.stress_Pa)
         freedom = max(alone.rows - len(alone.parameters), 1)
         noise = max(alone.rmse_Pa * np.sqrt(alone.rows / freedom), _FLOOR * largest)
