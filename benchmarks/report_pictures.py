@@ -31,7 +31,7 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Run Chromium once on a page, with the options `how` and a new browser profile."""
+    """Draw or print a page with Chromium, as its options `how` say; the browser profile is new."""
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]

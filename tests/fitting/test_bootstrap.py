@@ -1,4 +1,4 @@
-"""Replicates of the data (bootstrap) draw whole states at random."""
+"""A replicate of the data (bootstrap) consists of whole states, which are drawn at random."""
 
 from __future__ import annotations
 
