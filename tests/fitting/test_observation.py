@@ -47,10 +47,18 @@ def test_distance_to_a_circle_is_the_difference_of_radii(offset, along):
     assert signed_distance(arc(radius), point)[0] == pytest.approx(-offset, abs=2e-4)
 
 
-def test_beyond_the_ends_the_distance_is_to_the_end_point():
+def test_beyond_the_ends_a_curve_is_continued_by_a_twentieth_of_its_length():
     line = np.array([[[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]]])
-    distance = signed_distance(line, np.array([[2.0, 0.0], [-3.0, 4.0]]))
-    assert np.abs(distance) == pytest.approx([1.0, 5.0])
+    distance = signed_distance(line, np.array([[2.05, 0.0], [-3.05, 4.0], [1.04, 0.2], [-0.04, -0.2]]))
+    assert np.abs(distance) == pytest.approx([1.0, 5.0, 0.2, 0.2])
+    assert np.sign(distance[2:]).tolist() == [1.0, -1.0]
+
+
+def test_the_distance_of_a_point_just_beyond_the_tip_changes_smoothly_while_the_edge_passes_it():
+    line = np.array([[[0.0, 0.0], [15.0, 0.0], [30.0, 0.0]]])
+    beside_mm = np.linspace(-0.01, 0.01, 9)
+    points = np.stack([np.full(9, 30.4), beside_mm], axis=-1)
+    assert signed_distance(line, points) == pytest.approx(beside_mm, abs=1e-12)
 
 
 def test_edges_of_an_unloaded_beam_are_its_sides():

@@ -176,6 +176,9 @@ class Comparison:
         because the meshes may then differ. Candidates may differ in law, strength of the field and lens.
     misfits : tuple of Misfit
         Residuals (distances of measured from simulated points) of the candidates in each experiment.
+    near : tuple of Shapes
+        Shapes from which the solver can start for similar candidates: in each experiment, those of the first candidate
+        and of the candidates that differ from the first one only in law, field and image.
     """
 
     unconverged: NDArray[np.bool_]
@@ -183,6 +186,7 @@ class Comparison:
     max_stretch: Array
     shapes: tuple[Shapes, ...]
     misfits: tuple[Misfit, ...]
+    near: tuple[Shapes, ...] = ()
 
     @property
     def error_mm(self) -> Array:
@@ -210,6 +214,7 @@ class Comparison:
             max_stretch=self.max_stretch[rows],
             shapes=tuple(shapes.take(rows) for shapes in self.shapes),
             misfits=tuple(misfit.take(rows) for misfit in self.misfits),
+            near=self.near,
         )
 
 
@@ -243,6 +248,7 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
         misfits=tuple(
             joined_misfits(misfits).take(order) for misfits in zip(*(c.misfits for c in comparisons), strict=True)
         ),
+        near=next(comparison.shapes for rows, comparison in parts if 0 in rows),
     )
 
 
@@ -306,6 +312,7 @@ def compare(
         max_stretch=stretch,
         shapes=tuple(all_shapes),
         misfits=tuple(misfits),
+        near=tuple(all_shapes),
     )
 
 

@@ -182,7 +182,7 @@ class Problem:
         solver starts, or None. ``independent_points`` is the number of independent edge points.
         """
         return lambda units, near: self.evaluate(
-            units, independent_points, near=near.comparison.shapes if near else (), keep=True
+            units, independent_points, near=near.comparison.near if near else (), keep=True
         )
 
     def evaluate(

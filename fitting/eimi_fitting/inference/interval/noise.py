@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.beam.path import Shapes
 from eimi_fitting.inference.evidence._quadratic import step_to_minimum
 from eimi_fitting.inference.evidence.corrections import Correction
 from eimi_fitting.inference.evidence.measurements import Misfit
@@ -156,7 +157,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     if not sources:
         return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())), ())
     model_mm = _model_mm(optimum, effects)
-    explained = _explained(problem, about, sources, model_mm)
+    explained = _explained(problem, about, sources, model_mm, optimum.evaluation.comparison.near)
     points = _independent(problem, explained.states)
     noise_mm = _mean_mm(explained.states)
     about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
@@ -200,11 +201,16 @@ def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
 
 
 def _explained(
-    problem: Problem, about: Linearisation, sources: Sequence[ConsideredSources], model_mm: Sequence[Array]
+    problem: Problem,
+    about: Linearisation,
+    sources: Sequence[ConsideredSources],
+    model_mm: Sequence[Array],
+    near: Sequence[Shapes],
 ) -> Explained:
     """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised evidence.
 
-    The evidence (edges, tensile curves, priors) is linearised at the step with the least objective.
+    The evidence (edges, tensile curves, priors) is linearised at the step with the least objective. ``near`` has shapes
+    of the beam at the optimum, from which the solver starts.
     """
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
@@ -226,7 +232,8 @@ def _explained(
     least = before = _value(unknowns, unit, best_states, model_mm, points)
     for pass_index in range(_PASSES):
         steps, distance = difference_batch(trial[:n])
-        comparison = freed.evaluate(np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))]), points).comparison
+        candidates = np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))])
+        comparison = freed.evaluate(candidates, points, near=near).comparison
         if comparison.unconverged.any():
             break
         states = [
