@@ -11,7 +11,9 @@ solid               the solid model: orders of convergence, difference from the 
 solid_mesh          the error of the modulus due to the mesh of the solid model
 hidden_solids       fits of hidden solids in plane strain, in plane stress and as solids, and the predicted bias
 imperfect_rigs      the error of the modulus due to one property of a bench that differs from the files
+ranked_causes       the rank of the true cause of the residuals in many fits of imperfect benches, as a table
 rendered_rigs       pictures of imperfect benches, and the edges found in these pictures
+rate_of_doubts      how often a fit of a bench whose files are right has a doubt
 usual_imperfections  the share of 95 % intervals that contain the truth if each input has its usual uncertainty
 mesh_convergence    the error of the tip's position for several meshes
 edges               the error of the edges that are found in rendered frames

@@ -1,6 +1,7 @@
 """Measure the error of the modulus on an imperfect bench: fits of virtual solids with one error that no file mentions.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
+    [--first SEED] [--keep FOLDER] [--record FILE]
 
 Each fit belongs to one imperfection: a property of the bench that differs from the files, such as a tilted camera. A
 fit compares possible causes of its residuals, and `fits.json` lists these causes with probabilities. The imperfection
@@ -16,18 +17,24 @@ modulus. The second line gives the rank of the true cause among the compared cau
 --measured  Only the fits with the measured rest shape are made.
 --rendered  A picture of each state is rendered, and the edges are found in the picture.
 --planar    The true beam and the beam of the fit are in plane stress, which takes a fifth of the time.
+--keep      The shapes of the true beams are kept in a folder, and read from it in later runs.
+--record    One line of JSON is appended to a file for each fit; `benchmarks.ranked_causes` makes a table of the file.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import hashlib
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rendered_rigs import rendered
+from benchmarks.ranked_causes import Ranked, summary
+from benchmarks.rendered_rigs import clean_pictures, edges_in
 from eimi_fitting.beam.beside import SolidBeside
 from eimi_fitting.beam.coil_field import CoilShape, FieldTable
 from eimi_fitting.beam.loads import Loads
@@ -35,10 +42,8 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Specimen
-from eimi_fitting.inference.doubts.causes import NONE
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.fit import Fit
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from eimi_fitting.laws import LAWS
@@ -254,142 +259,51 @@ def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> 
     return _experiment(observed, field_mT, planar)
 
 
-def filmed(
-    imperfection: Imperfection, shown: tuple[Array, Array], field_mT: Array, seed: int, planar: bool = False
-) -> Experiment:
-    """Render a picture of each state, and return the experiment, which contains all inputs of a fit.
-
-    Pictures whose edges are not usable are left out.
-
-    Parameters
-    ----------
-    imperfection : Imperfection
-        The property of the bench that differs from the files.
-    shown : tuple of ndarray
-        The edges and the corners of the magnet that `bent` returns, mm.
-    field_mT : ndarray, shape (K,)
-        Field in each of the K states, mT.
-    seed : int
-        Seed of the noise of the pictures.
-    planar : bool
-        True if the fit assumes plane stress, false if the fit uses the solid model.
-    """
-    clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
-    observed, used = rendered(*shown, clamp, STATED, seed)
-    return _experiment(observed, field_mT[used], planar)
-
-
 def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Experiment:
     specimen = stated_specimen(planar)
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     return Experiment(flat, Loads.along(field_mT), observed, stated=STATED.stated_sources())
 
 
-@dataclass(frozen=True)
-class Place:
-    """The rank of the true cause among the compared causes of one fit.
-
-    A fit lists the possible causes of its residuals by their probability. A bench with two imperfections has two true
-    causes. Causes that change the residuals in nearly the same way form a class, because the residuals do not
-    distinguish these causes.
-
-    Attributes
-    ----------
-    first : bool
-        True if the true cause has rank 1, or if the two true causes have the ranks 1 and 2.
-    second : bool
-        True if the true cause is among the first two causes, or if the two true causes are among the first three.
-    declared : bool
-        True if the fit names the true cause as possible: `first` is true, or the first class in the list contains the
-        true cause. For two true causes, each of the first two classes must contain a true cause.
-    wrong : float
-        Largest probability that the fit gives to a cause that is not true.
-    """
-
-    first: bool
-    second: bool
-    declared: bool
-    wrong: float
-
-
-def placed(fit: Fit, cause: str) -> Place:
-    """Return the rank of the true cause among the causes that a fit compares.
-
-    `cause` is the name of the true cause, the imperfection of the bench, or the names of two true causes joined by
-    ``+``.
-    """
-    true = set(cause.split("+"))
-    names = [entry.name for entry in fit.causes]
-    count = len(true)
-    classes = dict.fromkeys(frozenset({entry.name, *entry.like}) for entry in fit.causes)
-    wrong = max((c.probability for c in fit.causes if c.name not in true and c.name != NONE), default=0.0)
-    first, second = true <= set(names[:count]), true <= set(names[: count + 1])
-    declared = all(true & members for members in list(classes)[:count])
-    return Place(first, second, first or declared, wrong)
-
-
-def ranked(fit: Fit, cause: str) -> str:
-    """Return a text with the rank of the true cause, and with the three most probable causes of a fit.
-
-    `cause` is the name of the true cause, or the names of two true causes joined by ``+``.
-    """
-    names = [entry.name for entry in fit.causes]
-    place = " and ".join(str(names.index(one) + 1) if one in names else "-" for one in cause.split("+"))
-    first = ", ".join(f"{entry.name} {entry.probability:.2f} ({entry.value:+.3g})" for entry in fit.causes[:3])
-    alike = f"; like {fit.causes[0].name}: {', '.join(fit.causes[0].like)}" if fit.causes[0].like else ""
-    return f"place {place}: {first}{alike}"
-
-
-def summary(places: Sequence[Place]) -> str:
-    """Return lines of text that say in how many fits each condition is met.
-
-    The conditions are: the true cause has rank 1, has rank 1 or 2, is in the same class as the first cause (the
-    residuals do not distinguish the two), and a wrong cause has a probability above 0.9.
-    """
-    counts = {
-        "first": sum(place.first for place in places),
-        "first or second": sum(place.second for place in places),
-        "first or in its class": sum(place.declared for place in places),
-        "with a wrong cause above 0.9": sum(place.wrong > 0.9 for place in places),
-    }
-    return "\n".join(f"{count} of {len(places)} {words}" for words, count in counts.items())
-
-
-def in_words(fit: Fit) -> str:
-    """Return a text with the error of the modulus in one fit.
-
-    The text gives the error with the interval from noise and mesh (%). The text then gives the half-width (%) of the
-    interval from all uncertainties, and whether this interval contains the true modulus.
-    """
-    modulus = fit.initial_shear_modulus
-    low, high = modulus.interval_95
-    error, *ends = (
-        100 * (value / MODULUS_PA - 1) for value in (modulus.value, *(modulus.interval_95_fit or modulus.interval_95))
-    )
-    holds = "holds" if low <= MODULUS_PA <= high else "MISSES"
-    whole = 50 * (high - low) / MODULUS_PA
-    return f"{error:+7.2f} % [{ends[0]:+6.2f}, {ends[1]:+6.2f}]  +-{whole:5.2f} % {holds}"
+def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path | None) -> tuple[Array, Array]:
+    """Return the result of `bent`, from a file in ``folder`` if it was computed before; None: nothing is kept."""
+    if folder is None:
+        return bent(imperfection, field_mT, planar)
+    key = hashlib.sha256(repr((imperfection.words, MESH, MODULUS_PA, field_mT.tolist(), planar)).encode()).hexdigest()
+    path = folder / f"{imperfection.cause}-{key[:12]}.npz"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        edges, corners = bent(imperfection, field_mT, planar)
+        np.savez(path, edges=edges, corners=corners)
+    with np.load(path) as stored:
+        return stored["edges"], stored["corners"]
 
 
 def main() -> None:
     """Fit every imperfection with every seed, with the straight shape and with the measured rest shape."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=5, help="number of seeds of the noise")
+    parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("--short", action="store_true", help="use only one seed")
     parser.add_argument("--both", action="store_true", help="use both polarities, and increase and decrease")
     parser.add_argument("--measured", action="store_true", help="fit only with the measured rest shape")
     parser.add_argument("--rendered", action="store_true", help="find the edges in rendered pictures")
     parser.add_argument("--planar", action="store_true", help="simulate and fit beams in plane stress")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the shapes of the true beams in a folder")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="append one line of JSON for each fit to a file")
     asked = parser.parse_args()
-    field_mT, places = BOTH_MT if asked.both else FIELD_MT, []
+    field_mT, results = BOTH_MT if asked.both else FIELD_MT, []
     for imperfection in (*IMPERFECTIONS, *PAIRS):
         if asked.causes and imperfection.cause not in asked.causes:
             continue
-        shown = bent(imperfection, field_mT, asked.planar)
-        for seed in range(1, 1 + (1 if asked.short else asked.seeds)):
+        shown = kept(imperfection, field_mT, asked.planar, asked.keep)
+        clamp = imperfection.picture if imperfection.is_clamp_seen else lambda places: places
+        pictures = clean_pictures(*shown, clamp) if asked.rendered else []
+        for seed in range(asked.first, asked.first + (1 if asked.short else asked.seeds)):
             if asked.rendered:
-                straight = filmed(imperfection, shown, field_mT, seed, asked.planar)
+                observed, used = edges_in(pictures, STATED, seed)
+                straight = _experiment(observed, field_mT[used], asked.planar)
             else:
                 straight = measured(shown[0][:, :, 8:-2], field_mT, seed, asked.planar)
             shape = measured_rest_shape(straight)
@@ -397,11 +311,14 @@ def main() -> None:
             for words, experiment in cases.items():
                 if words == "straight" and asked.measured:
                     continue
+                start_s = time.perf_counter()
                 fit = identify("neo-hookean", [experiment])
-                places.append(placed(fit, imperfection.cause))
-                print(f"{imperfection.cause:19s} seed {seed}  {words}: {in_words(fit)}", flush=True)
-                print(f"{'':19s} {ranked(fit, imperfection.cause)}", flush=True)
-    print(summary(places))
+                results.append(Ranked.of(fit, imperfection.cause, seed, words, MODULUS_PA))
+                print(f"{results[-1].in_words()}  ({time.perf_counter() - start_s:.0f} s)", flush=True)
+                if asked.record:
+                    with asked.record.open("a", encoding="utf-8") as file:
+                        file.write(results[-1].as_json() + "\n")
+    print(summary(results))
 
 
 if __name__ == "__main__":

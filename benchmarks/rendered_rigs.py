@@ -5,14 +5,14 @@ An imperfect bench has one property that differs from its files, such as a tilte
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.virtual.optics import expose, make_scene
+from eimi_lab.virtual.optics import Scene, expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.check import leaves_out
 from eimi_lab.vision.edges.finding import find_edges
@@ -23,10 +23,8 @@ Array = NDArray[np.float64]
 _CLAMP_MM = np.array([[0.0, -6.0], [0.0, 6.0], [-15.0, 6.0], [-15.0, -6.0]])
 
 
-def rendered(
-    sides: Array, magnets: Array, clamp: Callable[[Array], Array], specimen: SpecimenFile, seed: int
-) -> tuple[EdgeObservation, NDArray[np.intp]]:
-    """Render one picture of each of K states (load steps); return the usable edges, and the indices of their states.
+def clean_pictures(sides: Array, magnets: Array, clamp: Callable[[Array], Array]) -> list[Scene]:
+    """Render one picture without noise of each of K states (load steps).
 
     Parameters
     ----------
@@ -37,18 +35,30 @@ def rendered(
         Coordinates x and y in the beam frame (mm) of the corners of the magnet, at the positions that the camera shows.
     clamp : callable
         Maps true positions of the clamp to the positions at which the camera shows them.
+    """
+    frame, scenes = BeamFrame(CALIBRATION), []
+    for (left, right), magnet in zip(sides, magnets, strict=True):
+        beam = np.concatenate([left, right[::-1]])
+        beam_px, magnet_px, clamp_px = (frame.to_px(places) for places in (beam, magnet, clamp(_CLAMP_MM)))
+        scenes.append(make_scene(NOMINAL, SIZE, beam_px, magnet_px, clamp_px, oversampling=2))
+    return scenes
+
+
+def edges_in(pictures: Sequence[Scene], specimen: SpecimenFile, seed: int) -> tuple[EdgeObservation, NDArray[np.intp]]:
+    """Add noise to pictures, and find the edges; return the usable edges, and the indices of their pictures.
+
+    Parameters
+    ----------
+    pictures : sequence of Scene
+        One picture without noise of each state.
     specimen : SpecimenFile
         The specimen that the search for the edges assumes.
     seed : int
-        Seed of the noise of the pictures.
+        Seed of the noise.
     """
-    frame, rng = BeamFrame(CALIBRATION), np.random.default_rng(seed)
-    usable_edges, used = [], []
-    for k, ((left, right), magnet) in enumerate(zip(sides, magnets, strict=True)):
-        beam = np.concatenate([left, right[::-1]])
-        beam_px, magnet_px, clamp_px = (frame.to_px(places) for places in (beam, magnet, clamp(_CLAMP_MM)))
-        scene = make_scene(NOMINAL, SIZE, beam_px, magnet_px, clamp_px, oversampling=2)
-        edges = find_edges(expose(scene, rng), CALIBRATION, specimen)
+    rng, usable_edges, used = np.random.default_rng(seed), [], []
+    for k, picture in enumerate(pictures):
+        edges = find_edges(expose(picture, rng), CALIBRATION, specimen)
         if not leaves_out(edges.flags):
             left_edge, right_edge = edges.left, edges.right
             usable_edges.append((left_edge.points_mm, left_edge.sigma_mm, right_edge.points_mm, right_edge.sigma_mm))
