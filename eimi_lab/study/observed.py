@@ -4,9 +4,9 @@ The edges are the outline of the beam model with a solid section, on a finer mes
 of the size of the error of the edge finder is added. Frames are not rendered: on a clean picture the error of the edge
 finder is a hundredth of a pixel, and rendering would take most of the time.
 
-The specimen of type 4 is turned about its own axis, as Di Lecce et al. 2022 report. Here the angle is proportional to
-the field and to the distance from the clamp. The camera then sees a part of the depth in addition to the width. The
-beam models of the fits do not include this twist.
+The specimen of type 4 is turned about its own axis, as Di Lecce et al. 2022 report. Here the moment of its magnet
+points out of the plane of the picture, and the field twists the beam (`beam.twist`). The camera then sees a part of the
+depth in addition to the width. The beam models of the fits do not include this twist.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import outline, points_on
 from eimi_fitting.beam.specimen import Section, Specimen
+from eimi_fitting.inference.doubts.twisted_picture import tip_twist_per_tilt, without_twist
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 from eimi_lab.config.protocol import load_protocol
@@ -97,7 +98,7 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
     fields = field_mT(material, extent)
     edges = outlines_mm(material, specimen, fields)
     if kind == TWISTED:
-        edges = twisted(edges, specimen, np.radians(TWIST_DEG) * fields / fields.max())
+        edges = twisted(edges, material, fields)
     return edges + noise_mm(edges.shape, f"{key} {kind}")
 
 
@@ -109,32 +110,39 @@ def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Arr
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 
 
-def twisted(edges: Array, specimen: Specimen, at_tip_rad: Array) -> Array:
-    """Return the edges of a beam that is turned about its axis by an angle that grows linearly along the beam.
+def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
+    """Return the edges of type 4 with the twist that a moment out of the plane of the picture causes.
 
-    A section of width w and depth d that is turned by t has the apparent width w cos t + d |sin t|.
+    The angle of the moment to the plane is chosen such that the twist at the magnet is `TWIST_DEG` in the strongest
+    field.
 
     Parameters
     ----------
     edges : ndarray, shape (K, 2, n, 2)
-        Edges without twist, in mm. The axes are: K states, left or right edge, n points, x and y.
-    specimen : Specimen
-        The beam, whose width and depth are used.
-    at_tip_rad : ndarray, shape (K,)
-        Angle of the section at the tip in each of the K states, in radians.
+        Edges without twist, in mm. The axes are: state, left or right edge, point, coordinate.
+    material : HiddenMaterial
+        The material of the beam.
+    fields : ndarray, shape (K,)
+        Fields of the K states in mT.
 
     Returns
     -------
     ndarray, shape (K, 2, n, 2)
         Edges with twist, in mm.
+
+    Raises
+    ------
+    ArithmeticError
+        If the beam has no equilibrium in a state.
     """
-    angle = at_tip_rad[:, None, None] * np.linspace(0.0, 1.0, edges.shape[2])
-    wider = 0.5 * (specimen.width_mm * (np.cos(angle) - 1) + specimen.depth_mm * np.abs(np.sin(angle)))
-    along = np.gradient(edges, axis=2)
-    along /= np.linalg.norm(along, axis=-1, keepdims=True)
-    to_left = np.stack([along[..., 1], -along[..., 0]], axis=-1)  # the left edge has y < 0
-    outward = np.array([1.0, -1.0])[None, :, None, None] * to_left
-    return np.asarray(edges + wider[..., None] * outward)
+    straight = experiment_of(TWISTED, edges, fields, "solid")
+    per_tilt = tip_twist_per_tilt(straight, material.law, material.parameters)
+    if per_tilt is None:
+        raise ArithmeticError(f"the beam of {material.name} has no equilibrium in one of the fields")
+    angle_deg = TWIST_DEG / float(np.abs(per_tilt[np.argmax(fields)]))
+    turned = without_twist(straight, straight, material.law, material.parameters, -angle_deg).observed
+    assert isinstance(turned, EdgeObservation)
+    return turned.points_mm
 
 
 def experiment_of(kind: str, edges: Array, fields: Array, section: Section) -> Experiment:

@@ -44,25 +44,14 @@ def without_twist(
         Angle of the magnetisation to the plane of the picture in degrees. A negative angle moves the edges in the
         opposite direction.
     """
-    magnet, specimen, observed = bent.model.specimen.magnet, bent.model.specimen, experiment.observed
-    if not isinstance(observed, EdgeObservation) or magnet is None or not angle_deg:
+    specimen, observed = bent.model.specimen, experiment.observed
+    if not isinstance(observed, EdgeObservation) or not angle_deg:
         return experiment
-    shapes = bent.model.solve(law, parameters, bent.loads, tolerance_mm=_ACCURACY_MM)
-    if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+    twisted = _twisted(bent, law, parameters)
+    if twisted is None:
         return experiment
-    mesh, along_mm = bent.model.mesh, bent.model.grid.straight_mm[bent.model.mesh.row(0), 0]
-    flexible = along_mm <= specimen.flexible_length_mm + 1e-6
-    place = (mesh.nodes + shapes.displacement)[0]
-    middle = 0.5 * (place[:, mesh.row(0)] + place[:, mesh.row(-1)])[:, flexible]
-    modulus_Pa = float(law.initial_shear_modulus(parameters)[0])
-    width, depth = specimen.width_mm, specimen.depth_mm
-    twist_rad = np.radians(angle_deg) * twist_per_tilt(
-        middle,
-        *_moments_and_forces(middle, along_mm[flexible], bent, modulus_Pa),
-        magnet.moment_A_m2 * np.stack([-bent.loads.field_T[:, 1], bent.loads.field_T[:, 0]], axis=-1),
-        3e-12 * modulus_Pa * width * depth**3 / 12,
-        1e-12 * modulus_Pa * torsion_constant_mm4(width, depth),
-    )
+    middle, per_tilt = twisted
+    twist_rad, width, depth = np.radians(angle_deg) * per_tilt, specimen.width_mm, specimen.depth_mm
     wider_mm = 0.5 * (width * (np.cos(twist_rad) - 1) + np.copysign(depth * np.abs(np.sin(twist_rad)), angle_deg))
     direction = np.gradient(middle, axis=1)
     spacing_mm = np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -77,6 +66,41 @@ def without_twist(
     outward = np.array([1.0, -1.0])[:, None, None] * np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
     inner = points - (wider_mm[station] + slope[station] * beyond_mm)[..., None] * outward
     return replace(experiment, observed=replace(observed, points_mm=inner))
+
+
+def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array | None:
+    """Return the twist of the magnet in K states, (K,), divided by the angle of the magnetisation to the plane.
+
+    The parameters are those of `without_twist`. The result is None without a magnet or without an equilibrium.
+    """
+    twisted = _twisted(bent, law, parameters)
+    return None if twisted is None else twisted[1][:, -1]
+
+
+def _twisted(bent: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
+    """Return places on the middle line in mm (K, S, 2), and the twist there (K, S) divided by the angle of the moment.
+
+    The S stations lie between the clamp and the magnet. The result is None without a magnet or without an equilibrium.
+    """
+    specimen = bent.model.specimen
+    if specimen.magnet is None:
+        return None
+    shapes = bent.model.solve(law, parameters, bent.loads, tolerance_mm=_ACCURACY_MM)
+    if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
+        return None
+    mesh, along_mm = bent.model.mesh, bent.model.grid.straight_mm[bent.model.mesh.row(0), 0]
+    flexible = along_mm <= specimen.flexible_length_mm + 1e-6
+    place = (mesh.nodes + shapes.displacement)[0]
+    middle = 0.5 * (place[:, mesh.row(0)] + place[:, mesh.row(-1)])[:, flexible]
+    modulus_Pa = float(law.initial_shear_modulus(parameters)[0])
+    per_tilt = twist_per_tilt(
+        middle,
+        *_moments_and_forces(middle, along_mm[flexible], bent, modulus_Pa),
+        specimen.magnet.moment_A_m2 * np.stack([-bent.loads.field_T[:, 1], bent.loads.field_T[:, 0]], axis=-1),
+        3e-12 * modulus_Pa * specimen.width_mm * specimen.depth_mm**3 / 12,
+        1e-12 * modulus_Pa * torsion_constant_mm4(specimen.width_mm, specimen.depth_mm),
+    )
+    return middle, per_tilt
 
 
 def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, modulus_Pa: float) -> tuple[Array, Array]:
