@@ -178,9 +178,11 @@ class LawRecord:
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
         """Return the doubts (reasons to distrust the fit) as JSON objects for a result file.
 
-        The attribute `kind` of a doubt is for programs and is not written to the file.
+        The attribute `kind` of a doubt is for programs and is not written to the file. The keys of later releases are
+        left out if they hold nothing.
         """
-        return [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
+        written = [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
+        return [{k: v for k, v in doubt.items() if v or k not in ("modulus_percent", "short")} for doubt in written]
 
     def _quantities(self) -> dict[str, Quantity]:
         return {**self.parameters, "initial_shear_modulus": self.initial_shear_modulus}

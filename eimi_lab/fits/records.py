@@ -344,6 +344,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         """Return each reason to distrust a fit as a text that begins with its dataset, state or tensile curve."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
+    def doubts_in_short(self) -> str:
+        """Return a text in brackets for the first line of a fit that says what is doubted; empty without doubts."""
+        short = "; ".join(doubt.short for doubt in self.doubts if doubt.short)
+        return f" (doubted{': ' if short else ''}{short})" if self.doubts else ""
+
     def _about(self, doubt: Doubt) -> str:
         if doubt.curve is not None:
             return f"{self.tensile[doubt.curve].name}: "
@@ -365,11 +370,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
-        """Return one line: law, initial shear modulus, its interval, mean error, and the inputs without uncertainty."""
+        """Return one line: law, initial shear modulus, its interval, doubts, mean error, inputs without uncertainty."""
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
-            f"{self.model}: initial shear modulus {self.modulus_in_words()}, "
+            f"{self.model}: initial shear modulus {self.modulus_in_words()}{self.doubts_in_short()}, "
             f"mean error {1e3 * self.mean_error_mm:.2f} µm{exact}{self._not_stated()}"
         )
 

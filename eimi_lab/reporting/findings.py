@@ -45,6 +45,8 @@ class Finding:
         The material and the specimen of the datasets.
     value, interval : str
         The initial shear modulus and its 95 % interval.
+    doubt : str
+        What is doubted, in brackets; empty without doubts.
     how : str
         The law, and the data to which it was fitted.
     limit : str
@@ -57,6 +59,7 @@ class Finding:
     subject: str
     value: str
     interval: str
+    doubt: str
     how: str
     limit: str
     verdicts: tuple[Verdict, ...]
@@ -107,7 +110,7 @@ def _finding(shown: ShownFit, report: ReportContents) -> Finding:
     if isinstance(fit, TensileRecord):
         where = f"a tensile test, window {fit.window()}"
         how = f"{fit.model}, from {where}"
-        return Finding(shown, fit.source.material or "", value, interval, how, "", (_reach(fit),))
+        return Finding(shown, fit.source.material or "", value, interval, "", how, "", (_reach(fit),))
     fitted_to = [c for c in report.datasets if c.evidence.sha256 in {d.sha256 for d in fit.datasets}]
     noise, truths = _noise(shown, fitted_to), _truths(fit, fitted_to)
     verdicts = (_belief(fit, fitted_to, report), _next(fit), noise, _law(shown), _reach(fit), *truths)
@@ -116,6 +119,7 @@ def _finding(shown: ShownFit, report: ReportContents) -> Finding:
         _subject(fitted_to) or ", ".join(d.path for d in fit.datasets),
         value,
         interval,
+        fit.doubts_in_short(),
         _how(fit),
         _limit(fit, scatter_of(fitted_to)),
         tuple(verdict for verdict in verdicts if verdict is not None),

@@ -19,8 +19,8 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, points_on
 from eimi_fitting.beam.rest_modes import with_modes
 from eimi_fitting.beam.specimen import Magnet, Specimen
+from eimi_fitting.inference.doubts.cause_doubts import rivals
 from eimi_fitting.inference.doubts.causes import NONE, Cause
-from eimi_fitting.inference.doubts.checks import rivals
 from eimi_fitting.inference.doubts.collinear_causes import classes, shared_equally
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
 from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, Assumed, PossibleCause
@@ -92,6 +92,13 @@ def test_the_only_error_of_a_bench_is_the_most_probable_cause(name, value, wrong
     if name != NONE:
         corrected = fit.initial_shear_modulus.value * (1 + 0.01 * first.shift_percent)
         assert corrected == pytest.approx(TRUTH_PA, rel=0.02)
+        low, high = fit.initial_shear_modulus.interval_95
+        assert low <= corrected <= high
+        assert high - low < 4 * abs(corrected - fit.initial_shear_modulus.value) + 0.01 * TRUTH_PA
+        (doubt,) = (doubt for doubt in fit.doubts if doubt.kind == "cause")
+        least, most = doubt.modulus_percent
+        assert least <= first.shift_percent <= most or most - least < 0.1
+        assert doubt.short.endswith("%")
 
 
 def _possible(name: str) -> PossibleCause:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.inference.doubts import checks
+from eimi_fitting.inference.doubts import cause_doubts, checks
 from eimi_fitting.inference.doubts.causes import Cause
 from eimi_fitting.inference.doubts.checks import NotDetermined, NotExplained
 from eimi_fitting.inference.evidence._coarse import _thinned
@@ -538,7 +538,7 @@ def cause(name: str, probability: float, like: tuple[str, ...] = ()) -> Cause:
 
 def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -> None:
     def names(*causes: Cause) -> list[str]:
-        return [one.name for one in checks.rivals(causes)]
+        return [one.name for one in cause_doubts.rivals(causes)]
 
     assert names(cause("a", 0.8), cause("b", 0.081), cause("c", 0.079)) == ["b"]
     assert names(cause("a", 0.7), cause("b", 0.51)) == []  # together above 1.2: both are present
@@ -673,7 +673,7 @@ def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
     problem: Any = SimpleNamespace(
         evaluate=evaluated, unknowns=SimpleNamespace(searched=2, space=SimpleNamespace(has_bulk=False))
     )
-    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(shapes=None)))
+    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(near=None)))
     _ends(problem, about, optimum, np.ones(2), (0, 1))
     return given[0], about
 

@@ -146,7 +146,7 @@ PANEL = ReportPanel(
 {% macro result(f) %}
 <div>
 <p class="number">{% if f.subject %}{{ f.subject }}: initial{% else %}Initial{% endif %} shear modulus
-<b>{{ f.value }}</b> (95 % interval: {{ f.interval }}), {{ f.how }}. {{ f.limit }}</p>
+<b>{{ f.value }}</b> (95 % interval: {{ f.interval }}){{ f.doubt }}, {{ f.how }}. {{ f.limit }}</p>
 <dl class="verdicts">
 {% for v in f.verdicts %}<dt>{{ v.question }} <span>{{ v.answer }}</span></dt><dd>{{ v.words }}</dd>
 {% endfor %}

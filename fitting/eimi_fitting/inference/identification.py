@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.corrected_optimum import refine
+from eimi_fitting.inference.doubts.cause_doubts import cause_doubts
 from eimi_fitting.inference.doubts.causes import weighed_causes
 from eimi_fitting.inference.doubts.checks import (
-    cause_doubts,
     check_determined,
     check_explained,
     curve_doubts,
@@ -30,6 +30,7 @@ from eimi_fitting.inference.doubts.checks import (
     prior_doubts,
     slip_doubts,
 )
+from eimi_fitting.inference.doubts.named_error import estimate_beside
 from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import (
     polished,
@@ -176,14 +177,20 @@ def identify(
     without_clamp = weighed.error_mm.get("clamp_offset")
     check_explained(final, experiments, without_clamp, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)
-    check_determined(refined.estimate, experiments)
+    named = cause_doubts(weighed, refined.estimate, final, experiments)
+    beside = None
+    if any(doubt.modulus_percent for doubt in named):
+        names = [refinement.name for refinement in due]
+        beside = estimate_beside(problem, optimum, refined.effects, weighed, refined.estimate, names, seed)
+    estimated = beside or refined.estimate
+    check_determined(estimated, experiments)
     in_problem = {effect.correction.refinement for effect in refined.effects}
     parameters = problem.unknowns.parameters(optimum.unit[None])
     curve_rmse_Pa = tuple(
         float(np.sqrt(np.mean(curve.residuals_Pa(problem.law, parameters) ** 2))) for curve in problem.curves
     )
     return Fit(
-        **vars(refined.estimate),
+        **vars(estimated),
         law=problem.law,
         mean_error_mm=float(np.mean(final.error_mm[0])),
         mean_deviation_mm=float(np.mean(final.deviation_mm[0])),
@@ -201,8 +208,9 @@ def identify(
                 final,
                 experiments,
                 [*(r.doubt for r in due if r not in in_problem), *refined.not_considered],
+                is_named=beside is not None,
             ),
-            *cause_doubts(weighed, refined.estimate, final, experiments),
+            *named,
             *curve_doubts(problem.curves, curve_rmse_Pa),
             *prior_doubts(problem.priors, refined.prior_distances),
         ),

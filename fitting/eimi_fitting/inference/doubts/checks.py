@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.equilibrium import Status
 from eimi_fitting.beam.model import BeamModel, Shapes
-from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Misfit
 from eimi_fitting.inference.evidence.parameter_priors import Prior
@@ -39,15 +37,9 @@ Array = NDArray[np.float64]
 # worst state over median state        1.3 to 1.8     4.2           1.1
 _OF_DEFLECTION = 0.05
 _OF_WIDTH = 0.5  # with a larger residual an edge lies nearer to the opposite simulated edge
-_OF_NOISE = 10.0
+OF_NOISE = 10.0
 _OF_MEDIAN = 5.0
 _WITHIN_NOISE = 3.0  # times the stated uncertainty: a smaller residual does not contradict the law
-_OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
-_NAMED = 0.1  # a less probable cause is not mentioned as a doubt
-_NONE_IMPROBABLE = 0.5
-_RIVAL = 0.1  # share of the probability of the first cause
-_BOTH = 1.2  # sum of two probabilities from which both causes are present together
-_MOST_RIVALS = 2
 _CONTRADICTS = 3.0  # standard deviations
 
 
@@ -177,6 +169,11 @@ class Doubt:
         Index of the dataset, index of the state in this dataset, and index of the tensile curve, counted from 0. An
         index is None if the doubt does not concern this object. All three are None if the doubt concerns the fit as a
         whole.
+    modulus_percent : tuple of float, optional
+        Smallest and largest change of the initial shear modulus in per cent, compared with the fit, if the doubt is
+        right; None if the change is not known.
+    short : str
+        The doubt in few words for the first line of a result; empty if there are none.
     kind : DoubtKind, optional
         Subject of the doubt; None if the doubt was loaded from a file, which does not store the subject.
     """
@@ -185,6 +182,8 @@ class Doubt:
     dataset: int | None = None
     state: int | None = None
     curve: int | None = None
+    modulus_percent: tuple[float, float] | None = None
+    short: str = ""
     kind: DoubtKind | None = field(default=None, compare=False, kw_only=True)
 
 
@@ -268,90 +267,9 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     )
 
 
-def cause_doubts(
-    weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
+def doubts(
+    final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = (), is_named: bool = False
 ) -> tuple[Doubt, ...]:
-    """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
-
-    A cause is a possible error of the bench. A cause concerns the modulus under one of two conditions. The corrected
-    modulus would lie outside the 95 % interval, or the cause explains more than half of the mean error. The doubt also
-    names the causes that the residuals do not distinguish from the first cause. A cause that the fit has taken into
-    account causes no doubt. A different doubt is returned if residuals exceed ten times the stated noise and most
-    probably no listed cause explains them.
-
-    Returns
-    -------
-    tuple of Doubt
-        One doubt or none.
-    """
-    if not weighed.causes:
-        return ()
-    dataset = 0 if len(experiments) == 1 else None
-    none = next(cause for cause in weighed.causes if cause.name == NONE)
-    if none.probability >= _NONE_IMPROBABLE:
-        if none is weighed.causes[0] and any(_noise_ratio(e, m) > _OF_NOISE for e, m in _pairs(experiments, final)):
-            words = "no listed cause and no pair of listed causes explains the residuals"
-            return (Doubt(words, dataset, kind="cause"),)
-        return ()
-    # A cause that is like a cause in the fit explains no further residuals.
-    others = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
-    if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final):
-        return ()
-    return (Doubt(_causes_in_words(others), dataset, kind="cause"),)
-
-
-def _concerns(cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison) -> bool:
-    modulus = estimate.initial_shear_modulus
-    low, high = modulus.interval_95
-    moved = modulus.value * (1 + 1e-2 * cause.shift_percent)
-    remaining = np.concatenate(weighed.error_mm[cause.name])
-    return not low <= moved <= high or float(remaining.mean()) < _OF_ERROR * float(final.error_mm[0].mean())
-
-
-def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first cause.
-
-    If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
-    of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
-    cause has a probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both
-    causes are probably present together.
-    """
-    first, *others = causes
-    alike = [cause for cause in others if cause.name in first.like]
-    either = [
-        cause
-        for cause in others
-        if cause.probability > _RIVAL * first.probability and first.probability + cause.probability < _BOTH
-    ]
-    return tuple(alike or either)[:_MOST_RIVALS]
-
-
-def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt (reason to distrust a fit): the most probable cause of the residuals.
-
-    The text also names the causes that are similar, or a second cause that is probably present too.
-    """
-    possible = {one.name: one for one in POSSIBLE_CAUSES}
-    first = causes[0]
-
-    def described(one: Cause) -> str:
-        value = f"{100 * one.value:+.2g} %" if one.unit == "1" else f"{one.value:+.2g} {one.unit}"
-        return (
-            f"{possible[one.name].words} ({value}, probability {one.probability:.2f}, which would change the modulus "
-            f"by {one.shift_percent:+.2g} %)"
-        )
-
-    if others := rivals(causes):
-        words = f"these causes of the residuals cannot be told apart: {' or '.join(map(described, (first, *others)))}"
-    else:
-        present = [c for c in causes[:2] if first.probability + c.probability >= _BOTH]
-        words = f"the residuals show: {' and '.join(map(described, present or [first]))}"
-    words += f"; decide by {first.decide_by}"
-    source = possible[first.name].source
-    return words + (f", or free this quantity (--free {source}={abs(first.value):.1g})" if source else "")
-
-
-def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = ()) -> tuple[Doubt, ...]:
     """Return the doubts (reasons to distrust the fit) that the residuals of the optimum cause.
 
     Parameters
@@ -362,6 +280,8 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
         The experiments, in the order of the misfits in `final`.
     missing : sequence of str
         One sentence for each error that the intervals do not contain, such as the error of the mesh.
+    is_named : bool
+        Whether the interval of the modulus contains the effect of the causes that explain the residuals.
 
     Returns
     -------
@@ -373,25 +293,28 @@ def doubts(final: Comparison, experiments: Sequence[Experiment], missing: Sequen
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
         error, stated = misfit.error_mm[0], _noise_mm(experiment, misfit)
-        ratio = _noise_ratio(experiment, misfit)
-        if ratio > _OF_NOISE:
+        ratio = noise_ratio(experiment, misfit)
+        if ratio > OF_NOISE:
             words = (
                 f"the residuals are {ratio:.0f} times the given uncertainty of the measured places: the law, the "
                 "geometry, the scale or the loads of the fit differ from the specimen, and the intervals do not "
                 "contain this error"
             )
+            if is_named:
+                words = f"the residuals are {ratio:.0f} times the given uncertainty of the measured places"
             result.append(Doubt(words, index, kind="beyond_noise"))
-        for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > _OF_NOISE * stated)):
+        for k in np.flatnonzero((error > _OF_MEDIAN * np.median(error)) & (error > OF_NOISE * stated)):
             words = f"the error of this state is {error[k] / np.median(error):.0f} times the median error of all states"
             result.append(Doubt(words, index, int(k), kind="state_stands_out"))
     return tuple(result)
 
 
-def _pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
+def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
+    """Return each experiment with its misfit at the optimum."""
     return zip(experiments, final.misfits, strict=True)
 
 
-def _noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
+def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
     """Return the ratio of the root mean square residual to the stated noise, as the median over the states."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 

@@ -87,12 +87,15 @@ class Moves:
         Errors of the S uncertain inputs, in standard uncertainties.
     steps : Steps
         The change of the optimum for one standard uncertainty of each uncertain input.
+    further : ndarray, shape (D, n), or float
+        Changes by an error that is no source, in unit coordinates. They count with the errors of the sources.
     """
 
     unit: Array
     noise: Array
     deviations: Array
     steps: Steps
+    further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
         """Return the n unknowns in D draws, with the errors of the draws multiplied by given factors.
@@ -110,7 +113,7 @@ class Moves:
             Unit coordinates, clipped to 0..1.
         """
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
-        return np.clip(self.unit + moved + np.any(of_sources) * self.steps.held, 0.0, 1.0)
+        return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.held + self.further), 0.0, 1.0)
 
 
 def budget(

@@ -151,6 +151,7 @@ def estimate(
     noise: Noise,
     refinements: Sequence[str],
     seed: int,
+    shift_percent: float = 0.0,
 ) -> Estimate:
     """Return the unknowns of a fit with their intervals, from the optimum of the fit.
 
@@ -171,6 +172,8 @@ def estimate(
         Names of all corrections by better beam models that were tried.
     seed : int
         Seed of the random draws.
+    shift_percent : float
+        95 % bound of a further error of the modulus in per cent, beside noise, mesh and sources.
 
     Returns
     -------
@@ -194,6 +197,9 @@ def estimate(
     rng = np.random.default_rng(seed)
     moved = draw_noise(rng, unit, covariance, ends, model_errors / NORMAL_95, modulus_errors / NORMAL_95)
     moves = Moves(unit, moved, normal_draws(rng, len(sources)), steps)
+    if shift_percent:
+        shift = np.log1p(1e-2 * shift_percent) / (NORMAL_95 * _log_range(unknowns))
+        moves = replace(moves, further=shift * normal_draws(rng, 1) * (np.arange(len(unit)) == 0))
     entries, measure_next = budget(sources, moves, lambda units: _modulus(problem.law, unknowns, units))
     quantities = _quantities(problem.law, unknowns, moves, sources, seed)
     modulus = quantities["initial_shear_modulus"]
@@ -297,7 +303,7 @@ def _ends(
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 
     def deviance(unit: Array) -> tuple[Array, Array]:
-        candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.shapes)
+        candidates = problem.evaluate(unit, about.likelihood_points, near=optimum.evaluation.comparison.near)
         objective = candidates.without_law_priors.objective_mm
         valid = objective < DISCARDED_MM
         moved = unit - about.unit

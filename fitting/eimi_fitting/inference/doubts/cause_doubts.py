@@ -1,0 +1,128 @@
+"""Name the most probable cause of the residuals of a fit as a doubt, if the cause concerns the modulus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed
+from eimi_fitting.inference.doubts.checks import OF_NOISE, Doubt, noise_ratio, pairs
+from eimi_fitting.inference.doubts.named_error import contains
+from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES
+from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.interval.estimate import Estimate
+
+_OF_ERROR = 0.5  # if the residuals are noise, a cause explains almost none of them
+_NAMED = 0.1  # a less probable cause is not mentioned as a doubt
+_NONE_IMPROBABLE = 0.5
+_RIVAL = 0.1  # share of the probability of the first cause
+_BOTH = 1.2  # sum of two probabilities from which both causes are present together
+_MOST_RIVALS = 2
+
+
+def cause_doubts(
+    weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
+) -> tuple[Doubt, ...]:
+    """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
+
+    A cause is a possible error of the bench. A cause concerns the modulus under one of two conditions. The corrected
+    modulus would lie outside the 95 % interval, or the cause explains more than half of the mean error. The second
+    condition does not apply to a cause whose uncertainty the files state, because the interval contains it. The doubt
+    also names the causes that the residuals do not distinguish from the first cause. A cause that the fit has taken
+    into account causes no doubt. A different doubt is returned if residuals exceed ten times the stated noise and most
+    probably no listed cause explains them.
+
+    Returns
+    -------
+    tuple of Doubt
+        One doubt or none.
+    """
+    if not weighed.causes:
+        return ()
+    dataset = 0 if len(experiments) == 1 else None
+    none = next(cause for cause in weighed.causes if cause.name == NONE)
+    if none.probability >= _NONE_IMPROBABLE:
+        if none is weighed.causes[0] and any(noise_ratio(e, m) > OF_NOISE for e, m in pairs(experiments, final)):
+            words = "no listed cause and no pair of listed causes explains the residuals"
+            return (Doubt(words, dataset, short="the residuals have an unknown cause", kind="cause"),)
+        return ()
+    # A cause that is like a cause in the fit explains no further residuals.
+    others = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
+    if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final, experiments):
+        return ()
+    shifts = weighed.modulus_percent
+    return (Doubt(_causes_in_words(others), dataset, None, None, shifts, _in_short(others, shifts), kind="cause"),)
+
+
+def _concerns(
+    cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
+) -> bool:
+    if not contains(estimate.initial_shear_modulus, (cause.shift_percent, *weighed.modulus_percent)):
+        return True
+    possible = {one.name: one.source for one in POSSIBLE_CAUSES}
+    sources = {possible[name] for name in (cause.name, *cause.like)} - {""}
+    stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
+    if any(stated & {source, *SOURCES[source].covers} for source in sources):
+        return False
+    remaining = np.concatenate(weighed.error_mm[cause.name])
+    return float(remaining.mean()) < _OF_ERROR * float(final.error_mm[0].mean())
+
+
+def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first cause.
+
+    If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
+    of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
+    cause has a probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both
+    causes are probably present together.
+    """
+    first, *others = causes
+    alike = [cause for cause in others if cause.name in first.like]
+    either = [
+        cause
+        for cause in others
+        if cause.probability > _RIVAL * first.probability and first.probability + cause.probability < _BOTH
+    ]
+    return tuple(alike or either)[:_MOST_RIVALS]
+
+
+def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
+    """Return the first two causes if both are probably present together, else the first cause alone."""
+    return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
+
+
+def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
+    """Return the causes of the residuals, and the changes of the modulus in per cent, in few words."""
+    possible = {one.name: one.words for one in POSSIBLE_CAUSES}
+    others = rivals(causes)
+    either = (causes[0], *others) if others else _present(causes)
+    names = f" {'or' if others else 'and'} ".join(possible[cause.name] for cause in either)
+    least, most = (f"{shift:+.2g}" for shift in shifts)
+    change = f"{least} %" if least == most else f"{least} to {most} %"
+    return f"{names} would change the modulus by {change}"
+
+
+def _causes_in_words(causes: Sequence[Cause]) -> str:
+    """Return the text of a doubt (reason to distrust a fit): the most probable cause of the residuals.
+
+    The text also names the causes that are similar, or a second cause that is probably present too.
+    """
+    possible = {one.name: one for one in POSSIBLE_CAUSES}
+    first = causes[0]
+
+    def described(one: Cause) -> str:
+        value = f"{100 * one.value:+.2g} %" if one.unit == "1" else f"{one.value:+.2g} {one.unit}"
+        return (
+            f"{possible[one.name].words} ({value}, probability {one.probability:.2f}, which would change the modulus "
+            f"by {one.shift_percent:+.2g} %)"
+        )
+
+    if others := rivals(causes):
+        words = f"these causes of the residuals cannot be told apart: {' or '.join(map(described, (first, *others)))}"
+    else:
+        words = f"the residuals show: {' and '.join(map(described, _present(causes)))}"
+    words += f"; decide by {first.decide_by}"
+    source = possible[first.name].source
+    return words + (f", or free this quantity (--free {source}={abs(first.value):.1g})" if source else "")

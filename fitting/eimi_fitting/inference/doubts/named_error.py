@@ -1,0 +1,115 @@
+"""Separate the residuals that a named cause explains from the noise, and compute the intervals of a fit again.
+
+A cause is an error of the bench that no file states, such as a rolled camera. Its residuals are similar in all points
+and states. If they counted as noise, the data would have one or two independent points, and an interval could be
+hundreds of per cent wide. If the residuals were noise of independent points, the interval would be too narrow for the
+change of the modulus by the cause.
+
+If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals that remain
+with the most probable causes. If the interval does not contain the change of the modulus by these causes, this change
+widens it, as the 95 % bound of a normal error does. The value of the modulus stays that of the fit without the causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.doubts.causes import Weighed
+from eimi_fitting.inference.evidence.objective import Evaluation, Problem
+from eimi_fitting.inference.evidence.quantity import Quantity
+from eimi_fitting.inference.interval.covariance import linearise
+from eimi_fitting.inference.interval.estimate import Estimate, estimate
+from eimi_fitting.inference.interval.noise import Effect, linearise_noise
+from eimi_fitting.inference.searching.polish import Optimum
+
+Array = NDArray[np.float64]
+
+_OF_THE_MODEL = frozenset({"section", "law"})  # the user chooses these, and the interval is that of the choice
+_PROBABLE = 0.95
+_ENLARGED = 1.1  # factor on the change of the modulus, so that the interval surely contains it
+_EXPLAINS = 0.5  # share of the mean error that remains at most
+# What describes the residuals of the fit itself, which the comparison of laws uses.
+_OF_RESIDUALS = (
+    *("residual_mm", "correlation_points", "points", "independent_points", "noise_mm", "noise_points"),
+    "stated_squares",
+)
+
+
+def estimate_beside(
+    problem: Problem,
+    optimum: Optimum[Evaluation],
+    effects: Sequence[Effect],
+    weighed: Weighed,
+    before: Estimate,
+    refinements: Sequence[str],
+    seed: int,
+) -> Estimate | None:
+    """Return the estimate with the intervals that remain if the most probable causes are not noise.
+
+    Parameters
+    ----------
+    problem, optimum, effects, refinements, seed
+        See `inference.interval.estimate.estimate`.
+    weighed : Weighed
+        The possible causes of the residuals.
+    before : Estimate
+        The estimate that counts all residuals as noise.
+
+    Returns
+    -------
+    Estimate or None
+        The estimate; None if no cause beside those in the fit is probable, if the causes explain less than half of the
+        mean error, or if the most probable cause is the law or the section.
+    """
+    remaining = weighed.remaining
+    if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
+        return None
+    misfits = optimum.evaluation.comparison.misfits
+    errors = [
+        experiment.observed.of_residuals(residuals[None]).error_mm
+        for experiment, residuals in zip(problem.experiments, remaining, strict=True)
+    ]
+    if np.concatenate(errors, axis=1).mean() > _EXPLAINS * optimum.evaluation.comparison.error_mm[0].mean():
+        return None
+    changes = [after - misfit.residuals[0] for after, misfit in zip(remaining, misfits, strict=True)]
+    changed, reached = _with(problem, optimum, changes)
+    about = linearise(changed, reached)
+    # The changes leave the optimum where it is, to first order.
+    step = -np.linalg.solve(about.hessian, about.score)
+    held = [np.tensordot(step, states.slopes, axes=1) for states in about.states]
+    changed, reached = _with(problem, optimum, [change + more for change, more in zip(changes, held, strict=True)])
+    noise = linearise_noise(changed, reached, effects)
+    result = estimate(changed, reached, effects, noise, refinements, seed)
+    if not contains(result.initial_shear_modulus, weighed.modulus_percent):
+        shift = _ENLARGED * max(weighed.modulus_percent, key=abs)
+        result = estimate(changed, reached, effects, noise, refinements, seed, shift)
+    own = {name: getattr(before.identifiability, name) for name in _OF_RESIDUALS}
+    return replace(
+        result,
+        identifiability=replace(result.identifiability, **own),
+        mesh=before.mesh,
+        section_change=before.section_change,
+        held_out_error_mm=before.held_out_error_mm,
+    )
+
+
+def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
+    """Return whether the 95 % interval of the modulus contains the modulus after each of several changes in %."""
+    low, high = modulus.interval_95
+    return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
+
+
+def _with(
+    problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
+) -> tuple[Problem, Optimum[Evaluation]]:
+    """Return the problem with changes of its residuals in mm, (K, G, m) for each experiment, and its optimum."""
+    experiments = tuple(
+        replace(e, change=change if e.change is None else e.change + change)
+        for e, change in zip(problem.experiments, changes, strict=True)
+    )
+    changed = replace(problem, experiments=experiments)
+    return changed, replace(optimum, evaluation=changed.with_own_changes(optimum.evaluation, problem))
