@@ -177,8 +177,8 @@ class Coil:
         ------
         InstrumentError
             If two measurements in a row are above the limit of the supply, or are outside the range of the set-points
-            of the last `FOLLOWS_WITHIN_S` seconds by more than the tolerance. Also if the supply reports a fault or
-            does not answer.
+            of the last `FOLLOWS_WITHIN_S` seconds by more than the tolerance; or if the supply reports a fault or does
+            not answer.
         BeyondInterlock
             If a reading is outside its bounds in the rig file in two measurements in a row, or if no value of a reading
             arrived within the longest permitted time.

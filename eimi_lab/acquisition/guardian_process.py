@@ -223,7 +223,8 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     """Open the supply, compare its identity, switch the supply off, measure its current and close the connection.
 
-    The only set-point that is sent is zero: a current measured during a fault may be twice the set-point or more.
+    The only set-point that is sent is zero. The current is not reduced in a ramp, because the ramp would have to begin
+    at the measured current, and a current measured during a fault may be twice the set-point or more.
 
     Parameters
     ----------

@@ -85,7 +85,8 @@ def emulate(
         ),
     ],
     rig: Annotated[
-        str | None, typer.Argument(help="for bench: rig.toml, or the name of a shipped rig such as virtual")
+        str | None,
+        typer.Argument(help="with `eimi emulate bench`: rig.toml, or the name of a shipped rig such as virtual"),
     ] = None,
     tcp: Annotated[
         int | None,
@@ -99,8 +100,8 @@ def emulate(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="fault of the supply, of the coil or of the connection: silence, sleep, garbage, partial, slow, drop, "
-            "disconnect, reenumerate, swap, shorted, drift, fallen, offset, locked, hunting, trip or brownout",
+            help="fault to imitate, such as silence, swap or drift; --faults lists all faults and describes what each "
+            "one does",
         ),
     ] = None,
     after: Annotated[
@@ -108,7 +109,7 @@ def emulate(
         typer.Option(
             metavar="SECONDS",
             min=0.0,
-            help="time in seconds from switching on the output with a current until the fault begins",
+            help="the fault begins this number of seconds after the output is on with a current",
         ),
     ] = 5.0,
     faults: Annotated[
@@ -117,7 +118,7 @@ def emulate(
             "--faults",
             is_eager=True,
             callback=_list_faults,
-            help="describe each fault and the reaction of a correct program, and end",
+            help="print what each fault of --fault does, and what a correct program does then; start no emulator",
         ),
     ] = False,
     without_coil: Annotated[
@@ -131,7 +132,7 @@ def emulate(
         typer.Option(
             metavar="ADDRESS",
             help="for a gaussmeter: address of the emulated coil whose field the gaussmeter measures; `eimi emulate "
-            "SUPPLY` prints it in a line that begins with #",
+            "SUPPLY` prints this address in a line that begins with #",
         ),
     ] = None,
     mT_per_A: Annotated[
@@ -142,28 +143,38 @@ def emulate(
     ] = 0.0,
     specimen: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="for bench: specimen.toml, or the name of a shipped specimen such as type1"),
+        typer.Option(
+            metavar="FILE",
+            help="with `eimi emulate bench`: specimen.toml, or the name of a shipped specimen such as type1",
+        ),
     ] = None,
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", metavar="FILE", help="for bench: rig file with the addresses, for `eimi acquire`"
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="with `eimi emulate bench`: write a rig file with the addresses of the emulated instruments; "
+            "`eimi acquire --rig FILE` then measures with them",
         ),
     ] = Path("bench.toml"),
     packet_loss: Annotated[
         float,
         typer.Option(
-            metavar="SHARE", min=0.0, max=1.0, help="for bench: fraction of the packets of the camera that are lost"
+            metavar="SHARE",
+            min=0.0,
+            max=1.0,
+            help="with `eimi emulate bench`: fraction of the data packets of the camera that are lost, from 0 to 1",
         ),
     ] = 0.0,
     force: Force = False,
 ) -> None:
     """Emulate one instrument, or a whole bench, until Ctrl-C.
 
-    The address of the instrument is printed. There the emulated supply or sensor obeys the commands of the real
+    The address of the emulated supply or sensor is printed. At this address it obeys the commands of the real
     instrument. With --fault, the true current in the coil is printed whenever it changes. `eimi emulate bench` emulates
-    a supply, the sensors and a GigE camera, which shows the virtual beam in the field of the coil. It writes a rig file
-    with the addresses of these instruments.
+    a supply, the sensors and a GigE camera, which shows the virtual beam in the field of the coil. The command also
+    writes a rig file with the addresses of these instruments.
     """
     if supply == BENCH:
         _serve_bench(rig, specimen, output, force, fault, after, packet_loss)

@@ -65,5 +65,5 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Return the examples of a command as a text for --help. A control character prevents that lines are wrapped."""
+    """Return the examples of a command as a text for --help, with a control character that prevents wrapped lines."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

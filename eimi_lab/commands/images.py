@@ -47,8 +47,9 @@ def import_(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="states.csv with the loads of each state: the columns frame (or time_s, or state), current_A or "
-            "field_mT, and for a force at the tip tip_force_N and tip_force_angle_deg; needed except for a motion",
+            help="states.csv with the loads of each state: the columns frame (or time_s, or state) and current_A (or "
+            "field_mT); if a force acts at the tip, also tip_force_N and tip_force_angle_deg; needed except for a "
+            "motion",
             show_default=False,
         ),
     ] = None,
@@ -73,8 +74,8 @@ def import_(
         int | None,
         typer.Option(
             metavar="N",
-            help="for a video: import every N-th frame; the load in a row of states.csv acts from time_s or frame of "
-            "this row until the next row, or until until_s of this row",
+            help="for a video: import every N-th frame; each row of states.csv then gives the beginning of a load in "
+            "time_s or frame; the load acts until the time in until_s or, without this column, until the next row",
             min=1,
         ),
     ] = None,

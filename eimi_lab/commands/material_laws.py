@@ -52,7 +52,8 @@ def fit(
     checkpoint: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="file that stores every generation of the search; --resume continues from this file"
+            metavar="FILE",
+            help="file that stores the progress of the search; --resume continues an interrupted fit from this file",
         ),
     ] = None,
     resume: Annotated[
@@ -111,7 +112,8 @@ def validate(
     section: Section = None,
     include_flagged: IncludeFlagged = False,
     by_state: Annotated[
-        bool, typer.Option("--by-state", help="also print the error and the deviation of every state")
+        bool,
+        typer.Option("--by-state", help="also print the error (root mean square distance of the edges) of every state"),
     ] = False,
     force: Force = False,
 ) -> Result:

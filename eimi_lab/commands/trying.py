@@ -35,8 +35,8 @@ def try_one_supply(driver: str | None, address: str | None, who: str | None, out
     Raises
     ------
     InputError
-        If no supply is given, and the number of attached supplies with a driver is not one. Also if questions are
-        necessary but standard input is not a terminal, or if a file exists already.
+        If no supply is given, and the number of attached supplies with a driver is not one; if questions are necessary
+        but standard input is not a terminal; or if a file exists already.
     """
     from eimi_lab.acquisition.supply_trial import ON_FOR_S, VOLTAGE_V, try_supply
     from eimi_lab.acquisition.trial_form import trial_form

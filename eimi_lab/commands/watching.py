@@ -24,8 +24,8 @@ def dashboard(
         bool,
         typer.Option(
             "--open-to-network",
-            help="allow a --host that other computers can reach: everybody who has the token can see the images and "
-            "control the coil, and the connection is not encrypted",
+            help="allow a --host that other computers can reach: everybody who has the printed address with its token "
+            "can see the images and control the coil, and the connection is not encrypted",
         ),
     ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="also open the page in the browser")] = False,
@@ -54,7 +54,7 @@ def phone(
 
     The command opens the page "Weights and a phone" in the browser, and serves this page until Ctrl-C. On the page you
     click the clamp, the tip and two ticks of a ruler, and type the dimensions and the weights in grams. The page writes
-    the files of specimen, calibration and states and a dataset into the folder, and fits the dataset.
+    specimen.toml, calibration.toml, states.csv and a dataset into the folder, and fits the dataset.
     """
     _serve(folder, host, port, open_to_network, browser, "phone")
 

@@ -19,9 +19,10 @@ HEAD_BYTES = 4096
 
 
 def head_of(descriptor: int) -> bytes:
-    """Return the first `HEAD_BYTES` bytes of an open file, and keep the present position in the file for HDF5.
+    """Return the first `HEAD_BYTES` bytes of an open file, to notice later whether another program changed the file.
 
-    ``descriptor`` is the file descriptor. pread(2) is not used, because Windows has no such function.
+    ``descriptor`` is the file descriptor. Its position in the file stays the same, because HDF5 uses it. pread(2) is
+    not used, because Windows has no such function.
     """
     place = os.lseek(descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
     try:
@@ -61,7 +62,7 @@ def copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) ->
     fate
         Text about the loss of the file, such as "was deleted", for a message.
     beat
-        Function that is called repeatedly while the file is copied.
+        Function that is called repeatedly while the file is copied, to show that the run proceeds.
 
     Returns
     -------

@@ -152,7 +152,7 @@ def append_moments(
     moments
         Times and set-point of each frame.
     beat
-        Function that is called after every frame.
+        Function that is called after every frame, to show that the run proceeds.
     """
     for image in images:
         append_image(store["frames"], image)

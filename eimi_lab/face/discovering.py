@@ -37,8 +37,8 @@ def discover(
     tensile_window : float or str
         Largest strain of the tensile curves in per cent, or ``"full"`` for the whole curves.
     term : str or sequence of str
-        Terms of the strain energy among which the program selects: ``"i1"``, ``"i2"``, ``"i1^2"``, ``"gent=20"``,
-        ``"fung=0.2"``, ``"ogden=-4"`` and so on.
+        Terms of the strain energy among which the program selects, such as ``"i1"``, ``"i2"``, ``"i1^2"``,
+        ``"gent=20"``, ``"fung=0.2"`` or ``"ogden=-4"``. `eimi_fitting.laws.sum_of_terms` defines the terms.
     most_terms : int
         Largest number of terms in a law.
     lot : float

@@ -29,7 +29,7 @@ validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run
 planned_ring_down    the gain in accuracy from a ring-down in a planned run
 recorded_motions     read the ring-downs and the creep of a dataset
-time_records         the record of a fit to ring-downs alone, and lines on a viscoelastic (Prony) law
+time_records         the record of a fit to ring-downs alone, and printed lines about a viscoelastic (Prony) law
 time_fits            fit a viscoelastic (Prony) law to motions, with or without static states
 tensile_files        read tensile tests
 tensile_fits         fit a law to a tensile test

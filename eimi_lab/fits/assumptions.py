@@ -41,8 +41,8 @@ class Assumptions:
         The values of the freed nuisances (uncertain inputs that were fitted with the law); None if all inputs have the
         values in the input files.
     deviations : mapping of str to ndarray, shape (d,)
-        By name of the source of uncertainty: deviations of its d quantities from the values in the input files. Only
-        freed nuisances that change the specimen, the loads or the lens are included.
+        For each freed nuisance that changes the specimen, the loads or the lens, by its name: the deviations of its d
+        quantities from the values in the input files.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -58,7 +58,7 @@ class Assumptions:
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Return the simulated points of the first candidate as the camera sees them (mm).
+        """Return the places at which the camera sees simulated points, with the lens of the first candidate (mm).
 
         The last axis of the argument and of the result, shape (..., 2), holds x and y in the beam frame.
         """
@@ -117,9 +117,9 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the change of the modulus due to a given Poisson's ratio below 0.495.
+    """Return a sentence on the error of the modulus because the fit takes the material as incompressible.
 
-    Return None for any other Poisson's ratio.
+    The error follows from Poisson's ratio in the specimen file. Return None for a ratio of 0.495 or more.
     """
     ratio = evidence.poisson_ratio
     if ratio >= INCOMPRESSIBLE_FROM:

@@ -4,10 +4,11 @@ A checkpoint consists of JSON lines. The first line gives the laws, data and opt
 line with the objectives (misfits) of its candidates (trial parameters), and each finished fit adds a line.
 
 CMA-ES is deterministic: with the same seed and the same objectives it proposes the same candidates. A resumed search
-therefore reads the logged objectives and does not compute them. Numbers are written with all their digits, so that
-the resumed search continues exactly as without the interruption. Processors of another kind round differently in the
-last digit. A repeated generation therefore only has to agree with the logged generation within `_SAME`. An incomplete
-line is skipped, and the generation of this line is computed again.
+therefore proposes the logged candidates again, and reads their objectives instead of computing them. Numbers are
+written with all their digits, so that the resumed search continues exactly as without the interruption. Processors of
+another kind round differently in the last digit. The numbers of a repeated generation may therefore differ from the
+logged numbers by a fraction of at most `_SAME`. An incomplete line is skipped, and the generation of this line is
+computed again.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ class Checkpoint:
         `--checkpoint`.
         """
         if path is None:
-            raise InputError("--resume: give the file to resume from with --checkpoint")
+            raise InputError("--resume: give the checkpoint of the interrupted fit, --checkpoint FILE")
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:

@@ -72,7 +72,8 @@ class Evidence:
     rest_shape : MeasuredRestShape or None
         The shape at rest, if it was measured and differs from the shape in the specimen file.
     poisson_ratio : float
-        Poisson's ratio in the specimen file; the fit takes the material as incompressible.
+        Poisson's ratio in the specimen file. The fit does not use it, but `assumptions.compressibility_remark` gives
+        the resulting error of the modulus.
     field_line : FieldLine or None
         The measured line of field against current; None if the field is computed from the coil constant in the
         calibration.

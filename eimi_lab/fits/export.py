@@ -75,8 +75,8 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
     """
     if (bulk_modulus_kPa is None) == (bulk_ratio is None):
         raise InputError(
-            "give either --bulk-modulus-kPa or --bulk-ratio (bulk modulus over initial shear modulus, such as 2000): "
-            "the bulk modulus of a fit is not written to a card"
+            "give either --bulk-modulus-kPa or --bulk-ratio (bulk modulus divided by initial shear modulus, such as "
+            "2000), because a card needs a bulk modulus, which is never taken from a fit"
         )
     name, stated = (
         ("--bulk-ratio", bulk_ratio) if bulk_modulus_kPa is None else ("--bulk-modulus-kPa", bulk_modulus_kPa)

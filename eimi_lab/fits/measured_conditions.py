@@ -40,8 +40,10 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
     """Return the sources of uncertainty of a measured field; empty if the field was not measured.
 
-    For imported data all states are assumed to share the error of the field. The uncertainty of the strongest field is
-    taken as a fraction of the field, and the uncertainty of the weakest field as an offset.
+    Imported data may give an uncertainty of the measured field in each state. The fields of all states are assumed to
+    have the same relative error and the same constant error. The uncertainty of the strongest field gives the standard
+    uncertainty of the relative error. The uncertainty of the weakest field gives the standard uncertainty of the
+    constant error.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

@@ -54,7 +54,8 @@ class FitOptions:
         typer.Option(
             metavar="NAME[=DEVIATION]",
             help="uncertain input to fit together with the law, and its standard deviation in mm, in degrees or as a "
-            "fraction, such as width=0.02 or coil=0.01 (the coil constant); bulk for the bulk modulus; may be repeated",
+            "fraction, such as width=0.02 or coil=0.01 (the coil constant); without a deviation, the uncertainty in "
+            "the input files is used; bulk for the bulk modulus; may be repeated",
         ),
     ] = None
     prior: Annotated[

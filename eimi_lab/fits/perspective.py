@@ -1,10 +1,11 @@
 """Detect in the measured edges that the lens shows the depth of the beam in perspective.
 
 An ordinary lens shows the union of the outlines of the near face and the far face. To first order each edge is
-displaced outward by a depth / (2 S). Here a is the distance of the edge from the optical axis along the normal of the
-edge, and S is the stand-off of the lens. A bent beam therefore appears wider where its edges are farther from the axis.
-The cross-section of a bent beam also bows across its depth by about κ depth² / 16, where κ is the curvature of the
-beam. This bow widens the outline, too. The apparent width w at the fraction s of the arc length is therefore fitted as
+displaced outward by the product of a and depth / (2 S). Here a is the distance of the edge from the optical axis along
+the normal of the edge, and S is the stand-off of the lens. A bent beam therefore appears wider where its edges are
+farther from the axis. The cross-section of a bent beam also bows across its depth by about κ depth² / 16, where κ is
+the curvature of the beam. This bow widens the outline, too. The apparent width w at the fraction s of the arc length is
+therefore fitted as
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 

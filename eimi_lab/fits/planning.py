@@ -101,8 +101,8 @@ class PlannedRun:
         By source of uncertainty: the standard deviation (%) of the modulus or parameter due to this source, the largest
         first.
     signed_percent : dict of float
-        By source of uncertainty: the change (%) of the modulus or parameter if the source deviates by its standard
-        uncertainty.
+        By source of uncertainty: the change (%) of the modulus or parameter if the uncertain input deviates by its
+        standard uncertainty.
     ring_down : ExpectedRingDown or None
         The intervals of the modulus with a ring-down (a free vibration) in zero field. None unless the goal is the
         modulus and the run is the best of the planned runs.

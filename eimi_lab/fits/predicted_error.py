@@ -79,7 +79,10 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean errors of D draws (random samples) of a fit, for T draws of the independent sources.
+    """Return the mean error on a dataset for each of D draws (random samples) of a fit, repeated T times.
+
+    In each repetition, the uncertain inputs that the dataset does not share with the data of the fit are drawn again at
+    random.
 
     Parameters
     ----------

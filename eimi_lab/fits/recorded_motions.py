@@ -133,7 +133,7 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
     if hanging_N and not dataset.gravity:
         raise InputError(
             f"{dataset.path}: a weight of {hanging_N:g} N hangs at the tip, but in this dataset gravity does not act "
-            "on the beam (gravity = false in the calibration, or --no-gravity)"
+            "on the beam (gravity = false in the calibration, or --no-gravity); correct one of the two"
         )
     return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
 

@@ -151,7 +151,10 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that returns the message ``first`` at its first call, and the messages of ``receive`` later."""
+    """Return a function that returns the message ``first`` at its first call, and the messages of ``receive`` later.
+
+    The application thus also receives the first message, which `Admission` has already taken from ``receive``.
+    """
     waiting = [first]
 
     async def received() -> Message:

@@ -4,9 +4,10 @@ The page is the live web page of `eimi dashboard`. A run measures one dataset on
 
 The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
 
-STOP sends two signals, because a signal does not wait for a frame or a message, and the second signal leaves out the
-ramp down. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is off, the run is killed. Its guardian (a
-separate process that switches the coil off if the run dies) then switches the coil off.
+STOP sends two signals to the run. The run reacts to a signal even while it waits for a frame or a message. After the
+second signal it switches the coil off without a ramp. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is
+off, the run is killed. Its guardian (a separate process that switches the coil off if the run dies) then switches the
+coil off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
 standard error is shown to the person, and does not change the state. In this line and in the sentences about events,

@@ -54,9 +54,9 @@ def opened(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        A JSON object with the names and the size (pixels) of the photographs, and the source of the focal length, empty
-        if there is none. Also the values of specimen.toml and states.csv, the names of the existing files and the name
-        of the dataset.
+        A JSON object with the names and the size (pixels) of the photographs, and a text on how the focal length was
+        obtained, empty if there is none. The object also contains the values of specimen.toml and states.csv, the names
+        of the existing files and the name of the dataset.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def edges(path: Path, clicked: Mapping[str, Any], beam: Mapping[str, Any]) -> di
     dict
         A JSON object with the two edges in pixels of the photograph, the angle of the tip with its standard uncertainty
         (degrees), the blur with its limit (pixels), and the flags (failed quality checks). The key "sources" contains
-        the value and the source of each number of the calibration.
+        each number of the calibration, and how it was obtained.
 
     Raises
     ------
@@ -314,8 +314,8 @@ def saved(
     Returns
     -------
     dict
-        The names of the written files and of the dataset, the number of states, and the source of each number of the
-        calibration.
+        The names of the written files and of the dataset, the number of states, and each number of the calibration with
+        a text on how it was obtained.
 
     Raises
     ------

@@ -30,8 +30,8 @@ class OpenedEyes:
     number : int
         Number of the run, which is sent with every frame; 0 for the live camera.
     seen : callable
-        Receives the description of each frame and its JPEG. For the edges of a frame, receives the edges as a JSON
-        object and no bytes.
+        Function that is called with the description of a frame and its JPEG, or with the edges of a frame as a JSON
+        object and empty bytes.
     """
 
     def __init__(self, number: int, seen: Seen) -> None:

@@ -57,7 +57,7 @@ class Descriptors:
     def of(cls, numbers: str) -> Descriptors:
         """Return the three descriptors that the parent process passed.
 
-        ``numbers`` contains the names under which the descriptors were passed, separated by commas.
+        ``numbers`` contains the three texts, separated by commas, by which `pipes.received` finds the descriptors.
         """
         return cls(*map(received, numbers.split(",")))
 

@@ -317,7 +317,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises
     ------
     InputError
-        If dask.distributed is not installed, no scheduler answers, or there is no worker. Also if a worker has another
+        If dask.distributed is not installed, no scheduler answers, or there is no worker; or if a worker has another
         version of Python or of one of `PACKAGES`, or uses several threads.
     ChildProcessError
         If the workers of the cluster are lost.

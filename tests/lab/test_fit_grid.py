@@ -334,7 +334,7 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
     log.write_text("something else")
     assert "log.jsonl: is not a checkpoint of `eimi fit`" in refused("--resume")
     status, message = run("fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--resume")
-    assert (status, message) == (2, "eimi: --resume: give the file to resume from with --checkpoint\n")
+    assert (status, message) == (2, "eimi: --resume: give the checkpoint of the interrupted fit, --checkpoint FILE\n")
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:

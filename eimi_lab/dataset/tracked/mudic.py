@@ -70,10 +70,10 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Do nothing with a value that the pickle appends to an object, because the object was replaced."""
+        """Do nothing with a value that the pickle appends to a list. This `_Inert` object replaces the list."""
 
     def extend(self, values: Any) -> None:
-        """Do nothing with values that the pickle appends to an object, because the object was replaced."""
+        """Do nothing with values that the pickle appends to a list. This `_Inert` object replaces the list."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:

@@ -135,10 +135,10 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
 
 
 def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
-    """Return the limit of the distance of a point from the centre line in words, for an error message.
+    """Return how far a point may be from the centre line, in words for an error message.
 
-    If the width or depth changes along the beam, the text gives the size in the simulation of the beam at this point.
-    There, a step of the size is replaced by a short ramp.
+    ``key`` is "width_mm" or "depth_mm". If this size changes along the beam, the text gives the size at the point. This
+    is the size in the simulation of the beam, which replaces a step of the size by a short ramp.
     """
     if not rows_of(size_mm):
         return f"within half of {key} = {size_mm:g}"

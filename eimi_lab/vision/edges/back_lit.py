@@ -51,7 +51,7 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """The outline of a beam whose tip has two corners, the image, and the line at which the beam leaves its clamp."""
+    """A beam in an image: the image, the line at which the beam leaves its clamp, and the outline with two corners."""
 
     picture: _DarkBeamImage
     clamp: ClampLine

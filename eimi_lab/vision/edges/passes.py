@@ -368,8 +368,8 @@ def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
     """Return the length (px) over which a profile can extend into the beam without reaching the edge of the magnet.
 
     A profile contains the grey values along a line across the edge of the beam. half_px: largest length. cover_px:
-    width of the silicone beside the magnet. blur_px: blur of the edge. If the silicone is too thin for a profile, the
-    result is `half_px`.
+    width of the silicone beside the magnet. blur_px: blur of the edge. If the silicone is so thin that every profile
+    reaches the magnet, the result is `half_px`.
     """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 

@@ -383,8 +383,9 @@ def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray
     """Return whether the residual of each profile is at most three times the median residual of its group.
 
     A profile contains the grey values along a line across the edge. A profile with a larger residual, for example due
-    to dirt on the edge, must not determine the blur. Profiles beside a magnet have two grey-value steps and large
-    residuals until both steps are fitted, but must determine the width of the silicone. residuals: measured minus
+    to dirt on the edge, is not used to determine the blur. Profiles beside a magnet have large residuals at first,
+    because they have two steps of the grey value. These profiles are needed for the width of the silicone beside the
+    magnet. They are therefore compared only with profiles on the same side of the magnet. residuals: measured minus
     fitted values at m points of each of n profiles, shape (n, m). step: height of the step of each profile, shape (n,).
     group: index of the side of the magnet that a profile crosses, else -1, shape (n,).
     """

@@ -128,9 +128,9 @@ def _is_clear(followed: FollowedBeam) -> bool:
 
 
 def _reason_of(followed: FollowedBeam) -> str:
-    """Return the first reason for which the edges of a body that was followed from the clamp are unusable.
+    """Return why the edges of a body that was followed from the clamp are unusable: the first failed check, in words.
 
-    The result is empty if no body was followed over a tenth of the beam's length, or if the edges are usable.
+    The result is empty if the edges are usable, or if the followed body is shorter than a tenth of the beam.
     """
     share = followed.findings.get("followed_beyond", 0.0)
     grave = (flag for flag in judge(followed.findings, None, followed.words) if leaves_out([flag]))

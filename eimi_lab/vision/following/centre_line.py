@@ -137,8 +137,8 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 def _covariance(one: Array, other: Array, length_px: float) -> Array:
     """Return the covariance (px²) of the positions of a beam at n and m distances from the clamp, shape (n, m).
 
-    The covariance is that of one coordinate before the clicks are known. The direction of the beam is a random walk
-    with the standard deviation `_TURN_SIGMA_RAD` at the distance `length_px`.
+    The covariance applies to one coordinate (x or y) before the clicks are known. The direction of the beam is a random
+    walk with the standard deviation `_TURN_SIGMA_RAD` at the distance `length_px`.
 
     one, other: the distances, px, shapes (n,) and (m,).
     """

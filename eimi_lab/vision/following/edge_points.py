@@ -233,7 +233,8 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     """Estimate the standard deviations of edge points from their scatter about a smooth line, and detect outliers.
 
     In a real picture, texture and uneven light cause similar errors of neighbouring points. Such errors remain in the
-    residuals of a spline with few pieces, but cancel in differences of neighbouring points.
+    residuals of a spline with few pieces, but cancel in differences of neighbouring points. The standard deviations are
+    therefore computed from the residuals of such a spline.
 
     Parameters
     ----------

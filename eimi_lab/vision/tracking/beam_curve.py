@@ -65,7 +65,7 @@ class BeamCurve:
         """Return the curve after one least-squares step toward p points beside the curve.
 
         The points hardly determine the ends of the curve. Without `usual`, these ends keep their direction. With
-        `usual`, the ends of the result are drawn toward the curve `usual`, so that errors of many steps do not add up.
+        `usual`, the ends are moved toward the curve `usual`, so that the errors of many steps do not add up.
 
         Parameters
         ----------
