@@ -25,7 +25,7 @@ from eimi_fitting.inference.evidence.sources import StatedSource, specimen_under
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of
 from eimi_fitting.time.decay import decay_of
-from eimi_fitting.time.identification import LawOfTime, RecordedMotion, StaticStates, identify_time
+from eimi_fitting.time.identification import LawOfTime, RecordedMotion, StaticRun, StaticStates, identify_time
 from eimi_fitting.time.measured import Kind, Motion
 from eimi_lab.virtual.moving_beam import MovingBeam
 from eimi_lab.virtual.rod import stiffness_of_solid
@@ -125,10 +125,10 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
         times = np.append(np.arange(FRAME_S, RINGING_S, FRAME_S), np.geomspace(RINGING_S, seconds, 20))
         coordinates = beam.advance(now + seconds, partial(_constant, field), now + times)
         now += seconds
-        places = [beam.rod.places_mm(z, share, REST_MM[:, 1]) for z in coordinates]
+        places = beam.rod.places_mm(coordinates, share, REST_MM[:, 1])
         ends.append(now)
         tips.append(float(np.degrees(beam.rod.end @ coordinates[-1])))
-        noisy = np.array(places) + NOISE_MM * rng.standard_normal((len(places), 8, 2))
+        noisy = places + NOISE_MM * rng.standard_normal((len(places), 8, 2))
         earlier = [(-1e3, in_field(0.0))] + [(begins[k] - begins[-1], in_field(FIELDS[k][0])) for k in range(number)]
         time = np.repeat(times[:, None], 8, axis=1)
         kind: Kind = "creep" if field else "ring_down"
@@ -147,9 +147,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
     angles = np.stack([nominal.tip_angle_deg(nominal.solve(NEO, np.array([[mu]]), fields))[0] for mu in moduli])
     logs = [CubicSpline(-angles[:, i], np.log(moduli))(-tips[k]) for i, k in enumerate(bent)]
     static = StaticStates(
-        Loads.along([field for field, _ in FIELDS]),
-        np.array(begins),
-        np.array(ends),
+        (StaticRun(Loads.along([field for field, _ in FIELDS]), np.array(begins), np.array(ends)),),
         float(np.exp(np.mean(logs))),
         0.002,
         {},

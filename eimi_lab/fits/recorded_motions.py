@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
-from eimi_fitting.time.identification import RecordedMotion, StaticStates
+from eimi_fitting.time.identification import RecordedMotion, StaticRun, StaticStates
 from eimi_fitting.time.measured import Motion
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.state import State
@@ -138,8 +138,26 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
     return loads_of_states(dataset, [State(0, current_A, None, field, hanging_N, ())])
 
 
-def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
-    """Return the static states of a dataset, with the modulus that a fit identified from these states.
+def static_states(evidence: Sequence[Evidence], record: FitRecord) -> StaticStates:
+    """Return the static states of datasets, with the modulus that a fit identified from all these states."""
+    modulus = record.initial_shear_modulus
+    low, high = modulus.interval_95_fit or modulus.interval_95
+    on_picture = {
+        entry.source: entry.effect_percent / 100
+        for entry in record.budget
+        if entry.source in SOURCES
+        and not (SOURCES[entry.source].specimen or SOURCES[entry.source].loads or SOURCES[entry.source].field)
+    }
+    return StaticStates(
+        tuple(_static_run(one) for one in evidence),
+        modulus.value,
+        max((high - low) / 3.92 / modulus.value, 1e-4),
+        on_picture,
+    )
+
+
+def _static_run(evidence: Evidence) -> StaticRun:
+    """Return the static states of a dataset, with the times at which they were set and measured.
 
     If the dataset gives no times of its states, the states are assumed to follow each other every 30 s.
     """
@@ -151,19 +169,4 @@ def static_states(evidence: Evidence, record: FitRecord) -> StaticStates:
         measured_s = np.asarray(_DWELL_S * (1.0 + np.arange(len(indices))), float)
     first_s = max(float(measured_s[0]) - _DWELL_S, min(float(measured_s[0]), 0.0) - 1.0)
     set_s = np.concatenate([[first_s], measured_s[:-1]])
-    modulus = record.initial_shear_modulus
-    low, high = modulus.interval_95_fit or modulus.interval_95
-    on_picture = {
-        entry.source: entry.effect_percent / 100
-        for entry in record.budget
-        if entry.source in SOURCES
-        and not (SOURCES[entry.source].specimen or SOURCES[entry.source].loads or SOURCES[entry.source].field)
-    }
-    return StaticStates(
-        evidence.experiment.loads,
-        set_s,
-        measured_s,
-        modulus.value,
-        max((high - low) / 3.92 / modulus.value, 1e-4),
-        on_picture,
-    )
+    return StaticRun(evidence.experiment.loads, set_s, measured_s)

@@ -26,20 +26,12 @@ def with_law_of_time(
 ) -> FitRecord:
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
-    The viscoelastic law is fitted to all motions (ring-downs and creep) and to the modulus of the static fit. This
-    modulus depends on the time for which each load acted before the measurement. These times are taken from the first
-    dataset with states; a doubt (reason to distrust the fit) names the other datasets. Raises InputError if no
-    ring-down can be used.
+    The viscoelastic law is fitted to all motions (ring-downs and creep) and to the modulus of the static fit, which is
+    a mean over all static states. Each state counts with the time for which its load acted before the measurement, in
+    its own dataset. Raises InputError if no ring-down can be used.
     """
-    static = static_states(evidence[0], record)
-    time = _identified(record.model, np.array(record.values()), motions, static, seed)
-    if len(evidence) > 1:
-        others = ", ".join(str(one.path) for one in evidence[1:])
-        time = replace(time, doubts=(*time.doubts, (
-            f"the times of the static states are taken from {evidence[0].path} only; the states of {others} count only "
-            "through the modulus of the static fit"
-        )))  # fmt: skip
-    return replace(record, time=time)
+    static = static_states(evidence, record)
+    return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:

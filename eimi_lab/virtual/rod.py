@@ -217,28 +217,28 @@ class Rod:
     def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
         """Return the positions x (along the straight beam) and y (across) of m points of the moving beam, mm.
 
-        The shape is (m, 2).
+        The shape is (..., m, 2).
 
         Parameters
         ----------
-        z : ndarray, shape (n,)
-            The n coordinates of the rod.
+        z : ndarray, shape (..., n)
+            The n coordinates of the rod, for one moment or for several moments.
         along : ndarray, shape (m,)
             Arc length of each point at rest, divided by the flexible length. Values above 1 are in the rigid part.
         across_mm : ndarray, shape (m,)
             Distance of each point from the axis of the beam, mm, positive toward +y of the straight beam.
         """
-        angle, stretch = self.angle @ z, 1 + self.stretch @ z
-        slopes = np.stack([stretch * np.cos(angle), stretch * np.sin(angle)])
+        angle, stretch = z @ self.angle.T, 1 + z @ self.stretch.T
+        slopes = np.stack([stretch * np.cos(angle), stretch * np.sin(angle)], axis=-2)
         values = slopes @ np.linalg.inv(legvander(leggauss(_POINTS)[0], _POINTS - 1)).T
         inside = np.minimum(along, 1.0)
         integrals = np.stack([_integral(k, inside) for k in range(_POINTS)])
-        turned = np.stack([_integral(k, inside) for k in range(_BENDING)], axis=1) @ z[:_BENDING]
-        turned = np.where(along > 1, self.end @ z, turned)
-        place = 1e3 * self.length * (values @ integrals).T
+        turned = z[..., :_BENDING] @ np.stack([_integral(k, inside) for k in range(_BENDING)])
+        turned = np.where(along > 1, (z @ self.end)[..., None], turned)
+        place = 1e3 * self.length * (values @ integrals).swapaxes(-1, -2)
         beyond = 1e3 * self.length * (along - inside)
-        place += beyond[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
-        return np.asarray(place + across_mm[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=1))
+        place += beyond[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
+        return np.asarray(place + across_mm[:, None] * np.stack([-np.sin(turned), np.cos(turned)], axis=-1))
 
 
 def _integral(k: int, place: Array) -> Array:

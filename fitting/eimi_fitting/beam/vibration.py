@@ -210,6 +210,9 @@ class Vibration:
         The model of the specimen.
     tip_mass_kg : float
         A point mass at the point where a tip force acts, for example a weight that moves with the beam.
+    hangs_along : ndarray, shape (2,), or None
+        Direction (unit vector) of a thread on which the point mass hangs. The mass then moves with the beam in this
+        direction only. None if the mass is fixed to the beam. A mass on the magnet always counts as fixed.
 
     Raises
     ------
@@ -217,7 +220,9 @@ class Vibration:
         The specimen has a face under pressure. A pressure that follows its face has no potential.
     """
 
-    def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
+    def __init__(
+        self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0, hangs_along: Array | None = None
+    ) -> None:
         if model.specimen.pressure_face is not None:
             raise ValueError(
                 "the specimen has a pressure_face, but vibrations under a pressure are not computed: leave out "
@@ -226,6 +231,7 @@ class Vibration:
         self.model = model
         self.inertia = Inertia(model, tip_mass_kg)
         self._solid = model.solid
+        self._moves_along = np.eye(2) if hangs_along is None else np.outer(hangs_along, hangs_along)
 
     def about(
         self,
@@ -408,9 +414,11 @@ class Vibration:
     def _at_point(self, nodal: Array) -> Array:
         """Return the displacement (x, y) of the point mass in each shape, (m, B, 2), for m shapes and B candidate laws.
 
+        A mass that hangs on a thread moves only along the thread.
+
         nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
         """
-        return np.einsum("mbni,n->mbi", nodal[..., :2], self.inertia.point_shares)
+        return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the products of the mass matrix and each of m shapes, for B candidate laws.

@@ -16,6 +16,7 @@ from eimi_fitting.time.channels import Signals, TooFewFrames
 from eimi_fitting.time.decay_checks import OVER_NOISE, doubts_of, is_better, refusal_of, spoilt_until_s
 from eimi_fitting.time.decay_windows import Window, material_windows, scatter_of, windows_of
 from eimi_fitting.time.modal_fit import SIGNIFICANT, ModalFit, exponent, with_more_modes
+from eimi_fitting.time.swinging_weight import of_beam, with_swing
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,7 @@ _FEWEST_PERIODS = 5.0
 _FEWEST_FRAMES = 12
 _END = 0.4  # ratio of amplitude and noise at which the decay counts as ended
 _SWING_ERROR = 0.005  # relative error of the frequency with a hanging weight, which also swings a little
+_MOST_TOUCHED = 2.0  # periods at the start that are left out with a hanging weight, at most
 _SWINGS = "; the hanging weight may swing like a pendulum: fix it to the beam, or shorten its thread"
 _LASTING = 0.8  # ratio of the powers in the two halves of a recording; a decaying vibration has a smaller one
 _RUN, _SPARSE = 11, 3.0  # frame gaps in a run; a run is sparse if its median gap is more than 3 times the usual gap
@@ -145,7 +147,13 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
             f"frames are needed{told}"
         )
     fitted, windows, used = _fitted(part, frequency, hangs)
+    swinging = with_swing(ModalFit.first_of(part, frequency), windows) if hangs else None
+    if swinging is not None and refusal_of(swinging, label) is None:
+        doubts.append(_swing_in_words(swinging, label))
+        return _result(swinging, windows, label, doubts + doubts_of(swinging, label, hangs), hangs)
     spoilt_s = spoilt_until_s(fitted)
+    if hangs and spoilt_s is not None and (spoilt_s - first) * frequency > _MOST_TOUCHED:
+        spoilt_s = None  # the start is about the beam, and the later motion about the weight
     if spoilt_s is not None and (last - spoilt_s) * frequency > _FEWEST_PERIODS:
         later = _fitted(part.between(spoilt_s, np.inf), frequency, hangs)
         if is_better(later[0], fitted):
@@ -160,7 +168,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     refusal = refusal_of(fitted, label)
     if refusal:
         raise NoVibration(refusal + (_SWINGS if hangs else ""))
-    doubts += doubts_of(fitted, label)
+    doubts += doubts_of(fitted, label, hangs)
     return _result(fitted, windows, label, doubts, hangs)
 
 
@@ -188,6 +196,16 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
     if hangs:
         fitted = fitted.widened(np.hypot([_SWING_ERROR, 0.0], scatter_of(windows, used.stop, fitted.modes[0])))
     return fitted, windows, used
+
+
+def _swing_in_words(swinging: ModalFit, label: str) -> str:
+    """Return the doubt about a ring-down in which the hanging weight swings; label: where the recording comes from."""
+    first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
+    return (
+        f"{label}: the beam vibrates at {first_Hz:.4g} and at {other_Hz:.4g} Hz, as when the hanging weight swings "
+        "like a pendulum at about the frequency of the beam or at half of it; the frequency without the swing is "
+        "computed from both: fix the weight to the beam, or change the length of its thread"
+    )
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
@@ -371,6 +389,7 @@ def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
 def _result(fitted: ModalFit, windows: tuple[Window, ...], label: str, doubts: list[str], hangs: bool) -> Decay:
     signals, count = fitted.signals, len(fitted.modes)
     covariance = fitted.covariance[: 2 * count, : 2 * count]
+    is_swinging = hangs and count > 1
     modes = tuple(
         RingMode(
             float(np.exp(mode[0]) / (2 * np.pi)),
@@ -379,6 +398,9 @@ def _result(fitted: ModalFit, windows: tuple[Window, ...], label: str, doubts: l
         )
         for k, mode in enumerate(fitted.modes)
     )
+    if is_swinging:
+        mode, of_mode = of_beam(fitted)
+        modes = (RingMode(float(np.exp(mode[0]) / (2 * np.pi)), float(mode[1]), of_mode),)
     if not 0 < modes[0].loss < 1.5 or not np.isfinite(modes[0].covariance).all():
         raise NoVibration(
             f"{label}: the vibration at {modes[0].frequency_Hz:.3g} Hz does not decay{_SWINGS if hangs else ''}"

@@ -82,8 +82,12 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
     )
 
 
-def doubts_of(fitted: ModalFit, label: str) -> list[str]:
-    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames."""
+def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
+    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames.
+
+    label: where the recording comes from; hangs: whether a weight hangs from the beam, whose swing is the reason for
+    close vibrations.
+    """
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
     if share > _DOUBTED and fitted.noise > OVER_NOISE:
@@ -102,7 +106,7 @@ def doubts_of(fitted: ModalFit, label: str) -> list[str]:
     sizes = [float(np.abs(signals.in_mm(fitted.linear[2 * k : 2 * k + 2])).max()) for k in range(len(fitted.modes))]
     for mode, size in zip(fitted.modes[1:], sizes[1:], strict=True):
         ratio = float(np.exp(mode[0] - fitted.modes[0, 0]))
-        if ratio < _FIRST_OVERTONE and size > _OTHER * sizes[0]:
+        if not hangs and ratio < _FIRST_OVERTONE and size > _OTHER * sizes[0]:
             doubts.append(
                 f"{label}: the beam also vibrates at {ratio * fitted.frequency_Hz:.4g} Hz, with {size / sizes[0]:.0%} "
                 f"of the amplitude of the vibration at {fitted.frequency_Hz:.4g} Hz, as when it also swings out of the "

@@ -1,27 +1,24 @@
-"""The evidence for a viscoelastic law: residuals of ring-downs (free vibrations), creep and static states.
+"""The evidence for a viscoelastic law: residuals of ring-downs (free vibrations) and of the sag at rest.
 
 Each piece of evidence computes its residuals for P candidate laws. A candidate is an instantaneous shear modulus (Pa),
 a Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its
-standard uncertainty.
+standard uncertainty. The module `time.slow_evidence` contains the evidence of creep and of static states.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.model import BeamModel
-from eimi_fitting.inference.evidence.sources import SOURCES, loads_under
+from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.decay import Decay, RingMode
-from eimi_fitting.time.loaded_creep import LoadCurve, LoadStep, creep
 from eimi_fitting.time.measured import Motion
-from eimi_fitting.time.ringing import RingingBeam, RingTable
+from eimi_fitting.time.ringing import RingTable
 
 Array = NDArray[np.float64]
 
@@ -36,9 +33,6 @@ _MODULI = 7
 _LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
 _REST_SHAPE = 0.005  # share of the length by which a beam that is stated as straight at rest may be bent or turned
 _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and the places of the points
-_CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
-_RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
-_STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
 
 
 class Evidence(Protocol):
@@ -132,9 +126,18 @@ class RingEvidence:
         The deviations are multiplied by the inverse Cholesky factor of their covariance. The residuals are therefore
         uncorrelated and have the variance 1.
         """
-        errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (MESH_ERROR, _LOSS_ERROR)
+        errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         covariance = self.inflation**2 * mode.covariance + np.diag([errors[0] ** 2, (errors[1] * mode.loss) ** 2])
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
+
+    @property
+    def _of_lowest(self) -> float:
+        """The relative error of the lowest frequency: of the mesh, and of a weight that may hang on a stiff hook.
+
+        A weight on a thread moves with the tip along gravity only, a fixed weight in all directions. The first is
+        assumed; the second lies at two standard deviations.
+        """
+        return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
         """Return the change of the residuals due to each source of uncertainty, see `Evidence.effects`."""
@@ -148,211 +151,6 @@ class RingEvidence:
             )
             for key, change in self.table.effects(sources).items()
         }
-
-
-@dataclass(frozen=True)
-class LoadHistory:
-    """The loads on a beam over time. A curve gives the moment of each load as a function of the rotation of the tip.
-
-    Attributes
-    ----------
-    steps : tuple of LoadStep
-        The loads in the order of time. Each `LoadStep` contains the time at which the load begins.
-    """
-
-    steps: tuple[LoadStep, ...]
-
-    @staticmethod
-    def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the history of the loads of K states.
-
-        For each load, the rotation of the tip is computed for seven shear moduli. The product of modulus and rotation
-        is the moment of the load, and the seven moments give the curve of the load (`loaded_creep.LoadCurve`).
-
-        Parameters
-        ----------
-        beam : RingingBeam
-            The specimen, with its law.
-        middle_Pa : float
-            A typical shear modulus. The seven moduli lie between 0.4 and 2.5 times this modulus.
-        loads : Loads
-            The loads of the K states.
-        begins_s : sequence of float
-            The K times (s) at which the loads begin.
-        """
-        model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
-        shapes = model.solve(beam.law, beam.parameters(moduli), loads)
-        rotation = np.radians(model.tip_angle_deg(shapes))
-        largest = np.abs(rotation).max()
-        gravity = _stiffness_of_gravity(beam, middle_Pa)
-        curves = []
-        for k in range(len(loads)):
-            theta, sound = rotation[:, k], shapes.status[:, k] == 0
-            if sound.sum() < 2 or np.ptp(theta[sound]) < 1e-3 * max(largest, 1e-6):
-                curves.append(LoadCurve.of_gravity(gravity))
-                continue
-            curves.append(LoadCurve.through(theta[sound], (moduli * theta)[sound]))
-        return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
-
-
-def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the stiffness of gravity against a rotation of the tip (Pa).
-
-    This stiffness is the shear modulus times K_g / K_m of the lowest mode. K_m is the stiffness due to the material,
-    and K_g is the stiffness due to stresses and gravity.
-    """
-    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
-    return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
-
-
-@dataclass(frozen=True)
-class CreepEvidence:
-    """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
-
-    Only changes of the rotation are measured. Therefore the weighted mean is subtracted from the residuals.
-
-    Attributes
-    ----------
-    history : LoadHistory
-        The loads over time.
-    time_s, rotation, sigma : ndarray, shape (k,)
-        Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
-    label : str
-        Origin of the recording, for messages.
-    shown : tuple of ndarray, or None
-        True rotations and, for each of them, the rotation that would be measured, see `slow_motion.shown_rotations`;
-        None if the measured rotations are the true rotations.
-    """
-
-    history: LoadHistory
-    time_s: Array
-    rotation: Array
-    sigma: Array
-    label: str
-    shown: tuple[Array, Array] | None = None
-
-    def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation that would be measured at the k times for P candidate laws, (P, k) in rad."""
-        true = creep(instantaneous_Pa, series, self.history.steps, self.time_s, np.exp(load_log))
-        if self.shown is None:
-            return true
-        nodes, values = self.shown
-        first = np.clip(np.searchsorted(nodes, true) - 1, 0, len(nodes) - 2)
-        slopes = np.diff(values) / np.diff(nodes)
-        return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
-
-    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of the rotation minus their weighted mean, see `Evidence.residuals`."""
-        gap = self.predicted(instantaneous_Pa, series, load_log) - self.rotation
-        error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
-        sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
-        weight = 1 / sigma**2
-        return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
-
-    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: the effects of the sources of uncertainty on creep are not computed; see `Evidence.effects`."""
-        return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
-
-
-@dataclass(frozen=True)
-class StaticEvidence:
-    """The shear modulus from an elastic fit to the static states of a run, as evidence (a residual of a Prony fit).
-
-    The edges of a state are measured some time after the load was set. The material has relaxed during this time.
-
-    Attributes
-    ----------
-    beam : RingingBeam
-        The specimen, with its law.
-    history : LoadHistory
-        The loads over time.
-    loads : Loads
-        The loads of the K states in ``history``.
-    seen_s : ndarray, shape (K,)
-        Time at which the edges of each state were measured.
-    modulus_Pa : float
-        Initial shear modulus of a fit that treats all states as elastic.
-    sigma : float
-        Relative standard uncertainty of the modulus due to noise and mesh.
-    stated : dict of str to float
-        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
-        `SOURCES`.
-    """
-
-    beam: RingingBeam
-    history: LoadHistory
-    loads: Loads
-    seen_s: Array
-    modulus_Pa: float
-    sigma: float
-    stated: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def age_s(self) -> float:
-        """The median time in s from the setting of a load to the measurement of the edges, over the states."""
-        begins = np.array([step.time_s for step in self.history.steps])
-        return float(np.median(self.seen_s - begins))
-
-    def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidate laws, (P,).
-
-        The fit uses the states that are computed for the candidate.
-        """
-        order = np.argsort(self.seen_s)
-        theta = creep(instantaneous_Pa, series, self.history.steps, self.seen_s[order], np.exp(load_log))
-        total, weights = np.zeros(len(theta)), np.zeros(len(theta))
-        for column, k in enumerate(order):
-            curve = self.history.steps[k].curve
-            if len(curve.rotation) < 3:
-                continue
-            at = theta[:, column]
-            moment, _ = curve.at(at)
-            weight = at**2
-            total += weight * np.log(np.maximum(moment / np.where(at == 0, 1.0, at), 1e-6))
-            weights += weight
-        return total / np.maximum(weights, 1e-30)
-
-    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of ln(modulus), (P, 1), see `Evidence.residuals`."""
-        gap = self.apparent_log(instantaneous_Pa, series, load_log) - np.log(self.modulus_Pa)
-        return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
-
-    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the residual due to each source of uncertainty, see `Evidence.effects`."""
-        scale = np.hypot(self.sigma, _STATIC_ERROR)
-        before = self._rotations(self.beam, 1.0)
-        slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
-        effects = {}
-        for key, sigma in sources.items():
-            source = SOURCES[key]
-            change = np.zeros((len(source.parts), 1))
-            if source.field and not (source.specimen or source.loads):
-                moved = self._rotations(self.beam, 1.0, 1 + sigma) - before
-                change[0] = (moved @ slope) / (slope @ slope)
-            elif source.specimen or source.loads:
-                for part in range(len(source.parts)):
-                    deviation = np.zeros(len(source.parts))
-                    deviation[part] = sigma
-                    under = self.beam.under({key: deviation})
-                    moved = self._rotations(under, 1.0, 1.0, {key: deviation}) - before
-                    change[part] = (moved @ slope) / (slope @ slope)
-            else:
-                change[0] = self.stated.get(key, 0.0)
-            effects[key] = change / scale
-        return effects
-
-    def _rotations(
-        self,
-        beam: RingingBeam,
-        factor: float,
-        field_factor: float = 1.0,
-        deviations: Mapping[str, Array] | None = None,
-    ) -> Array:
-        model = BeamModel(beam.specimen, plane=beam.specimen.planar_section)
-        loads = loads_under(self.loads, deviations) if deviations else self.loads
-        parameters = beam.parameters(np.array([factor * self.modulus_Pa]))
-        shapes = model.solve(beam.law, parameters, loads, field_factor=np.array([field_factor]))
-        return np.asarray(np.radians(model.tip_angle_deg(shapes))[0])
 
 
 @dataclass(frozen=True)

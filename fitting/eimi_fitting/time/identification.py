@@ -16,15 +16,7 @@ from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import TooFewFrames, signals_of
 from eimi_fitting.time.decay import Decay, NoVibration, decay_of
-from eimi_fitting.time.evidence import (
-    CreepEvidence,
-    Evidence,
-    LoadHistory,
-    RestEvidence,
-    RingEvidence,
-    StaticEvidence,
-    with_scatter,
-)
+from eimi_fitting.time.evidence import Evidence, RestEvidence, RingEvidence, with_scatter
 from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.law_of_time import (
     EXACT_LOAD,
@@ -39,6 +31,7 @@ from eimi_fitting.time.law_of_time import (
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.result import LawOfTime, result_of
 from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam, RingTable
+from eimi_fitting.time.slow_evidence import CreepEvidence, LoadHistory, SlowEvidence, StaticEvidence
 from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations, slow_rotations
 from eimi_fitting.time.terms import Terms
 
@@ -83,15 +76,30 @@ class RecordedMotion:
 
 
 @dataclass(frozen=True)
-class StaticStates:
-    """The static states of a specimen, and the modulus of a fit that treats the states as elastic.
+class StaticRun:
+    """The static states of one run. The beam is at rest before the first load.
 
     Attributes
     ----------
     loads : Loads
         The loads of K states, in the order in which they were set.
     set_s, seen_s : ndarray, shape (K,)
-        Time at which each load was set, and time at which the edges in each state were measured.
+        Time at which each load was set, and time at which the edges in each state were measured. Each run has its own
+        clock.
+    """
+
+    loads: Loads
+    set_s: Array
+    seen_s: Array
+
+
+@dataclass(frozen=True)
+class StaticStates:
+    """The static states of a specimen, and the modulus of a fit that treats the states as elastic.
+
+    Attributes
+    ----------
+    runs : tuple of StaticRun
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float
@@ -101,9 +109,7 @@ class StaticStates:
         `SOURCES`.
     """
 
-    loads: Loads
-    set_s: Array
-    seen_s: Array
+    runs: tuple[StaticRun, ...]
     modulus_Pa: float
     sigma: float
     of_picture: Mapping[str, float]
@@ -179,10 +185,10 @@ def identify_time(
     rings = list(with_scatter(rings))
     middle_Pa = rings[0].table.middle_Pa
     creeps = _creeps(analysed, specimen, law, unit_shape, middle_Pa)
-    evidence: list[Evidence] = [*rings, *creeps]
     of_states = _static_evidence(static, specimen, law, unit_shape)
-    if of_states:
-        evidence.append(of_states)
+    evidence: list[Evidence] = [*rings]
+    if creeps or of_states:
+        evidence.append(SlowEvidence(creeps, of_states))
     evidence += [rest for table in tables if (rest := _at_rest(ringing, table, rings)) is not None]
     has_loads = bool(specimen.magnet and (of_states or creeps))
     load_sigmas = relative_load_sigmas(stated, specimen) if has_loads else {}
@@ -201,7 +207,8 @@ def identify_time(
         for s in stated
         if s.standard_uncertainty and not (has_loads and s.source in LOAD_SOURCES)
     }
-    steps = best.steps(sources)
+    effects = best.problem.effects(sources)
+    steps = best.steps(effects)
     omegas = 2 * np.pi * np.unique([mode.frequency_Hz for ring in rings for _, mode in ring.modes])
     if not best.converged:
         doubts.append(
@@ -216,6 +223,7 @@ def identify_time(
         static=of_states,
         data_s=data_s,
         sources=sources,
+        effects=effects,
         steps=steps,
         load_sigmas=load_sigmas or {},
         draws=drawn(best, steps, seed, omegas),
@@ -345,7 +353,7 @@ def _at_rest(
 
 
 def _stacked(parts: Sequence[Loads]) -> Loads:
-    """Join several `Loads` with one state each into one `Loads` with several states."""
+    """Join several `Loads` into one `Loads` with the states of all of them."""
     return replace(
         parts[0],
         field_T=np.concatenate([part.field_T for part in parts]),
@@ -357,11 +365,13 @@ def _stacked(parts: Sequence[Loads]) -> Loads:
 def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, shape: Array) -> StaticEvidence | None:
     if static is None:
         return None
-    beam = RingingBeam(specimen, static.loads.take(np.arange(1)), law, shape)
-    history = LoadHistory.of(beam, static.modulus_Pa, static.loads, list(static.set_s))
-    return StaticEvidence(
-        beam, history, static.loads, static.seen_s, static.modulus_Pa, static.sigma, dict(static.of_picture)
+    beams = [RingingBeam(specimen, run.loads.take(np.arange(1)), law, shape) for run in static.runs]
+    runs = tuple(
+        (LoadHistory.of(beam, static.modulus_Pa, run.loads, list(run.set_s)), run.seen_s)
+        for beam, run in zip(beams, static.runs, strict=True)
     )
+    loads = _stacked([run.loads for run in static.runs])
+    return StaticEvidence(beams[0], runs, loads, static.modulus_Pa, static.sigma, dict(static.of_picture))
 
 
 def _range_s(
@@ -387,6 +397,7 @@ __all__ = [
     "NoRingDown",
     "Prony",
     "RecordedMotion",
+    "StaticRun",
     "StaticStates",
     "TimeOptimum",
     "identify_time",

@@ -120,6 +120,16 @@ class Problem:
         """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return the changes of the k residuals of the evidence due to a change of each source of uncertainty.
+
+        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
+        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
+        (components, k).
+        """
+        parts = [one.effects(sources) for one in self.evidence]
+        return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
+
     def chi(self, unknowns: Array) -> Array:
         """Return the root of the sum of the squared residuals for P candidate laws, (P,).
 
@@ -175,21 +185,14 @@ class TimeOptimum:
         """The covariance of the m unknowns due to noise and priors, (m, m)."""
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
-    def steps(self, sources: Mapping[str, float]) -> dict[str, Array]:
+    def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
         """Return the changes of the m unknowns at the optimum due to a change of each source of uncertainty.
 
-        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
-        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
-        (components, m).
+        Each source changes by its standard uncertainty. effects: see `Problem.effects`. The result has the same keys.
+        Each entry has one row for each component of the source (`Source.parts`), shape (components, m).
         """
-        gain = -self.covariance @ self.jacobian.T
-        m = len(self.unknowns)
-        effects = [one.effects(sources) for one in self.problem.evidence]
-        moves = {}
-        for key in sources:
-            rows = np.concatenate([effect[key] for effect in effects], axis=1)
-            moves[key] = np.concatenate([rows, np.zeros((len(rows), m))], axis=1) @ gain.T
-        return moves
+        gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
+        return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
         """Return the change of the m unknowns at the optimum due to a change of the load factor's prior mean, (m,).
@@ -261,21 +264,26 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
     candidates, and whether the fit converged.
     """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
-    moves = _STEP * np.concatenate([np.diag(scale), -np.diag(scale)])
+    moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
+    last: tuple[Array, Array] = (np.full(m, np.nan), np.zeros((0, m)))
 
     def residuals(unknowns: Array) -> Array:
-        rows = problem.residuals(unknowns[None])[0]
-        return np.where(np.isfinite(rows), rows, _FAILED)
+        # The neighbours for the Jacobian are computed at once: they cost hardly more than one candidate alone.
+        nonlocal last
+        rows = problem.residuals(unknowns + moves)
+        slopes = (rows[1 : m + 1] - rows[m + 1 :]) / (2 * _STEP * scale[:, None])
+        last = unknowns.copy(), np.ascontiguousarray(np.where(np.isfinite(slopes), slopes, 0.0).T)
+        return np.where(np.isfinite(rows[0]), rows[0], _FAILED)
 
     def jacobian(unknowns: Array) -> Array:
-        ends = problem.residuals(unknowns + moves)
-        slopes = (ends[:m] - ends[m:]) / (2 * _STEP * scale[:, None])
-        return np.ascontiguousarray(np.where(np.isfinite(slopes), slopes, 0.0).T)
+        if not np.array_equal(unknowns, last[0]):
+            residuals(unknowns)
+        return last[1]
 
     solved = scipy.optimize.least_squares(
         residuals, start, jac=jacobian, method="lm", x_scale=scale, max_nfev=_POLISH_STEPS, ftol=1e-6, xtol=1e-6
     )
-    spent = int(solved.nfev + 2 * m * (solved.njev or 0))
+    spent = int(solved.nfev) * (1 + 2 * m)
     return np.asarray(solved.x), jacobian(solved.x), spent, bool(solved.status > 0)
 
 

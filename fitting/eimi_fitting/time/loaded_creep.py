@@ -12,6 +12,7 @@ this assumption is measured in `tests/fitting/time` by comparison with finite el
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -73,6 +74,11 @@ class LoadCurve:
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
+    def at_even_rotations(self) -> LoadCurve:
+        """Return the curve with nodes at equal distances."""
+        even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
+        return LoadCurve(even, self.at(even)[0])
+
     @cached_property
     def _slopes(self) -> Array:
         return np.asarray(np.diff(self.moment) / np.diff(self.rotation))
@@ -103,9 +109,6 @@ def creep(
 ) -> Array:
     """Return the rotation of the tip at m times for P candidate laws, (P, m) in rad.
 
-    Internal variables integrate the Prony series exactly for rotations that change linearly within a time step (Simo
-    and Hughes 1998, Computational Inelasticity, section 10.3). Inertia is neglected.
-
     Parameters
     ----------
     instantaneous_Pa : ndarray, shape (P,)
@@ -124,36 +127,121 @@ def creep(
     ndarray, shape (P, m)
         The rotations in rad.
     """
-    p, n = series.g.shape
-    terms, rates, ones = instantaneous_Pa[:, None] * series.g, 1 / series.tau_s, np.ones(n)
-    long_term = instantaneous_Pa * series.long_term
-    overstress, theta = np.zeros((p, n)), np.zeros(p)
-    result = np.empty((p, len(times_s)))
-    wanted = 0
-    for k, step in enumerate(steps):
-        end = steps[k + 1].time_s if k + 1 < len(steps) else float(times_s[-1])
-        last = k + 1 == len(steps)
-        inside = times_s[(times_s > step.time_s) & ((times_s <= end) if last else (times_s < end))]
-        now = step.time_s
-        for time in _moments(step.time_s, max(end, step.time_s + _FIRST_STEP_S), inside, last):
-            span = max(time - now, 1e-9)
-            fading = np.exp(-span * rates)
-            share = terms * (1 - fading) / (span * rates)
-            stiffness = long_term + share @ ones
-            overstress *= fading
-            remembered = (overstress - share * theta[:, None]) @ ones
-            new = theta.copy()
+    return CreepHistories([(steps, times_s)]).rotations(instantaneous_Pa, series, load_factor)[0]
+
+
+class CreepHistories:
+    """The creep of a beam under E histories of loads, which are integrated side by side.
+
+    Internal variables integrate the Prony series exactly for rotations that change linearly within a time step (Simo
+    and Hughes 1998, Computational Inelasticity, section 10.3). Inertia is neglected.
+
+    Parameters
+    ----------
+    histories : sequence of (tuple of LoadStep, ndarray)
+        For each history, the loads in the order of time, and the increasing times in s at which the rotation is wanted.
+        The times lie after the first of the loads. The beam is at rest before these loads.
+    """
+
+    def __init__(self, histories: Sequence[tuple[tuple[LoadStep, ...], Array]]) -> None:
+        plans = [_plan(steps, times_s) for steps, times_s in histories]
+        longest = max(len(plan.curves) for plan in plans)
+        curves: list[LoadCurve] = []
+        # A shorter history begins with a load that leaves the beam straight, until all histories have equally many
+        # time steps.
+        straight = LoadCurve.of_gravity(1.0)
+        rows, spans, self._wanted = [], [], []
+        for plan in plans:
+            early = longest - len(plan.curves)
+            row = []
+            for curve in [straight] * early + plan.curves:
+                known = next((i for i, one in enumerate(curves) if one is curve), len(curves))
+                if known == len(curves):
+                    curves.append(curve)
+                row.append(known)
+            rows.append(row)
+            spans.append(np.concatenate([np.ones(early), plan.spans_s]))
+            self._wanted.append(early + plan.wanted)
+        self._spans_s = np.array(spans).T[:, :, None]  # (time steps, E, 1)
+        even = [curve.at_even_rotations() for curve in curves]
+        starts = np.array([curve.rotation[0] for curve in even])
+        per_rad = np.array([(len(curve.rotation) - 1) / np.ptp(curve.rotation) for curve in even])
+        of_step = np.array(rows).T  # (time steps, E)
+        self._first = starts[of_step][..., None]
+        self._per_rad = per_rad[of_step][..., None]
+        self._base = (of_step * (_NODES - 1))[..., None]
+        slopes = np.stack([np.diff(curve.moment) / np.diff(curve.rotation) for curve in even])
+        moments, rotations = (np.stack([getattr(curve, key)[:-1] for curve in even]) for key in ("moment", "rotation"))
+        crossings = moments - slopes * rotations  # moments of the straight lines at the rotation 0
+        self._slopes, self._crossings = slopes.ravel(), crossings.ravel()
+
+    def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
+        """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
+
+        For the arguments see `creep`.
+        """
+        steps = len(self._spans_s)
+        rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]
+        decays = self._spans_s[:, None] * rates  # (time steps, n, E, P)
+        fadings = np.exp(-decays)
+        shares = terms * (1 - fadings) / decays
+        remembering = shares.sum(axis=1)
+        stiffnesses = instantaneous_Pa * series.long_term + remembering
+        softest = 1e-3 * stiffnesses
+        overstress, theta = np.zeros(shares.shape[1:]), np.zeros(stiffnesses.shape[1:])
+        every = np.empty((steps, *theta.shape))
+        for j in range(steps):
+            stiffness = stiffnesses[j]
+            overstress *= fadings[j]
+            remembered = overstress.sum(axis=0) - remembering[j] * theta
+            new = theta
             for _ in range(_NEWTON_STEPS):
-                moment, slope = step.curve.at(new)
-                gap = stiffness * new + remembered - load_factor * moment
-                new = new - gap / np.maximum(stiffness - load_factor * slope, 1e-3 * stiffness)
-            overstress += share * (new - theta)[:, None]
-            theta, now = new, time
-            while wanted < len(times_s) and times_s[wanted] <= time + 1e-8:
-                result[:, wanted] = theta
-                wanted += 1
-    result[:, wanted:] = theta[:, None]
-    return result
+                node = ((new - self._first[j]) * self._per_rad[j]).astype(np.intp)
+                np.minimum(np.maximum(node, 0, out=node), _NODES - 2, out=node)
+                node += self._base[j]
+                slope = load_factor * self._slopes.take(node)
+                gap = (stiffness - slope) * new + remembered - load_factor * self._crossings.take(node)
+                new = new - gap / np.maximum(stiffness - slope, softest[j])
+            overstress += shares[j] * (new - theta)
+            theta = every[j] = new
+        return [every[wanted, k].T for k, wanted in enumerate(self._wanted)]
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The m time steps of one history of loads.
+
+    Attributes
+    ----------
+    spans_s : ndarray, shape (m,)
+        Duration of each step in s.
+    curves : list of LoadCurve
+        The moment of the loads in each step.
+    wanted : ndarray of int
+        Numbers of the steps that end at the wanted times.
+    """
+
+    spans_s: Array
+    curves: list[LoadCurve]
+    wanted: NDArray[np.intp]
+
+
+def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
+    ends: list[float] = []
+    curves: list[LoadCurve] = []
+    is_straight = True  # until a load bends the beam
+    for k, step in enumerate(steps):
+        last = k + 1 == len(steps)
+        end = float(times_s[-1]) if last else steps[k + 1].time_s
+        inside = times_s[(times_s > step.time_s) & ((times_s <= end) if last else (times_s < end))]
+        end = max(end, step.time_s + _FIRST_STEP_S)
+        is_straight &= bool(step.curve.at(np.zeros(1))[0] == 0)
+        moments = [*inside.tolist(), end] if is_straight else _moments(step.time_s, end, inside, last)
+        moments = sorted(set(np.round(moments, 9).tolist()))
+        ends += moments
+        curves += [step.curve] * len(moments)
+    spans = np.maximum(np.diff(np.append(steps[0].time_s, ends)), 1e-9)
+    return _Plan(spans, curves, np.searchsorted(np.array(ends) + 1e-8, times_s).clip(max=len(ends) - 1))
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:

@@ -14,8 +14,9 @@ from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.interval.budget import BudgetEntry
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.decay import Window
-from eimi_fitting.time.evidence import CreepEvidence, RingEvidence, StaticEvidence
+from eimi_fitting.time.evidence import RingEvidence
 from eimi_fitting.time.law_of_time import TimeOptimum
+from eimi_fitting.time.slow_evidence import CreepEvidence, StaticEvidence
 from eimi_fitting.time.small_effects import SmallEffect, small_effects
 from eimi_fitting.time.terms import Terms
 
@@ -209,6 +210,7 @@ def result_of(
     static: StaticEvidence | None,
     data_s: tuple[float, float],
     sources: Mapping[str, float],
+    effects: Mapping[str, Array],
     steps: Mapping[str, Array],
     load_sigmas: Mapping[str, float],
     draws: Array,
@@ -269,7 +271,7 @@ def result_of(
     moment = None
     doubts_found = list(doubts)
     if specimen.magnet is not None and static is not None:
-        moment = _moment(optimum.with_free_load(), sources)
+        moment = _moment(optimum.with_free_load(), effects)
         half_width = np.log(moment.interval_95[1] / moment.value)
         stated = NORMAL_95 * float(np.hypot.reduce([0.0, *load_sigmas.values()]))
         if abs(np.log(moment.value)) > np.hypot(half_width, stated):
@@ -317,13 +319,13 @@ def result_of(
     )
 
 
-def _moment(free: TimeOptimum, sources: Mapping[str, float]) -> Quantity:
+def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
     """Return the factor on the specified magnetic moment at which static states and motions give the same modulus.
 
-    free: the optimum with an unknown moment, see `TimeOptimum.with_free_load`.
+    free: the optimum with an unknown moment, see `TimeOptimum.with_free_load`. effects: see `Problem.effects`.
     """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
-    total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(sources).values())
+    total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
 
     def interval(variance: float) -> tuple[float, float]:
         reach = float(np.exp(NORMAL_95 * np.sqrt(variance)))

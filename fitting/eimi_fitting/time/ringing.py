@@ -71,7 +71,8 @@ class RingingBeam:
     shape : ndarray, shape (n,)
         The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
     hanging_N : float
-        Weight that hangs at the tip. Its mass moves with the tip, and its force is part of ``loads``.
+        Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only,
+        as on a thread: across gravity the weight is slower than the beam.
     """
 
     specimen: Specimen
@@ -87,7 +88,9 @@ class RingingBeam:
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
         """Return the small vibrations of a beam model of the specimen, including the weight that hangs at the tip."""
-        return Vibration(model, self.hanging_N / STANDARD_GRAVITY)
+        gravity = self.loads.gravity[0]
+        size = float(np.linalg.norm(gravity))
+        return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)
 
     def planar(self) -> BeamModel:
         """Return the planar model of the specimen, whose modes are interpolated."""
@@ -262,6 +265,19 @@ class RingTable:
         stiffer_Hz = float(self.beam.undamped_Hz(1.05 * self.middle_Pa, 1)[0])
         gain = np.log(1.05) / np.log(stiffer_Hz / self.beam.undamped_Hz(self.middle_Pa, 1)[0])
         return float((stated_Hz / solid_Hz) ** gain)
+
+    @cached_property
+    def fixed_weight_log(self) -> float:
+        """The change of ln(frequency) if the hanging weight were fixed to the tip, 0 without such a weight.
+
+        A fixed weight moves with the tip across gravity too.
+        """
+        beam = self.beam
+        if not beam.hanging_N:
+            return 0.0
+        fixed = Vibration(beam.planar(), beam.hanging_N / STANDARD_GRAVITY)
+        motion, _ = fixed.about(beam.law, beam.parameters(np.array([self.middle_Pa])), beam.loads)
+        return float(np.log(motion.frequencies_Hz(1)[0, 0] / beam.undamped_Hz(self.middle_Pa, 1)[0]))
 
     @cached_property
     def _better(self) -> tuple[Array, float]:

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from eimi_fitting import LAWS, Loads, Magnet, Specimen
+from eimi_fitting.beam.specimen import STANDARD_GRAVITY
 from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of
-from eimi_fitting.time.decay import RingMode, decay_of
+from eimi_fitting.time.decay import Decay, RingMode, decay_of
 from eimi_fitting.time.evidence import RingEvidence
 from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.measured import Motion
@@ -116,15 +117,47 @@ def test_a_planar_section_of_a_thick_beam_is_compared_with_a_solid() -> None:
     assert solid.solid_over_stated_modulus() == 1.0
 
 
+def swing(frequency_Hz: float) -> Decay:
+    """Return the analysed ring-down of the tip at a frequency in Hz."""
+    time = np.arange(400)[:, None] / 100.0
+    points = np.stack([np.full(time.shape, 30.0), np.exp(-time) * np.cos(2 * np.pi * frequency_Hz * time)], axis=-1)
+    motion = Motion("ring_down", points, np.array([[30.0, 0.0]]), time, np.full(time.shape, 0.01))
+    return decay_of(signals_of(motion), "swing", 30.0, is_stepped=False)
+
+
 def test_with_a_hanging_weight_only_the_lowest_vibration_is_used() -> None:
     beam = RingingBeam(BEAM, Loads.along([0.0]), LAWS["neo-hookean"], np.ones(1))
     of_table = RingTable(beam, 48e3)
     computed = of_table.beam.undamped_Hz(48e3) * of_table.solid_over_planar
     modes = tuple(RingMode(float(f), 0.1, np.diag([1e-6, 1e-6])) for f in computed[:2])
-    time = np.arange(400)[:, None] / 100.0
-    points = np.stack([np.full(time.shape, 30.0), np.exp(-time) * np.cos(2 * np.pi * computed[0] * time)], axis=-1)
-    motion = Motion("ring_down", points, np.array([[30.0, 0.0]]), time, np.full(time.shape, 0.01))
-    decay = replace(decay_of(signals_of(motion), "swing", 30.0, is_stepped=False), modes=modes)
+    decay = replace(swing(float(computed[0])), modes=modes)
     assert [number for number, _ in RingEvidence.of(of_table, decay).modes] == [0, 1]
     hanging = RingTable(replace(beam, hanging_N=0.001), 48e3)
     assert [number for number, _ in RingEvidence.of(hanging, decay).modes] == [0]
+
+
+def test_a_weight_on_a_thread_does_not_follow_a_motion_across_gravity() -> None:
+    strip = Specimen(60.0, 4.0, 12.0, 1070.0, section="plane-stress")
+    loads = replace(Loads.along([0.0]), tip_force_N=np.array([[0.02, 0.0]]))  # the strip hangs down, the weight below
+    weighted = RingingBeam(strip, loads, LAWS["neo-hookean"], np.ones(1), hanging_N=0.02)
+    # Across gravity a weight on a thread only pulls. Fixed to the tip, it would also add its mass.
+    pulled = replace(weighted, hanging_N=0.0).undamped_Hz(60e3)[0]
+    assert weighted.undamped_Hz(60e3)[0] == pytest.approx(pulled, rel=1e-6)
+    fixed = Vibration(weighted.planar(), 0.02 / STANDARD_GRAVITY)
+    motion, _ = fixed.about(weighted.law, np.array([[60e3]]), loads)
+    of_table = RingTable(weighted, 60e3)
+    assert of_table.fixed_weight_log == pytest.approx(np.log(motion.frequencies_Hz(1)[0, 0] / pulled))
+    assert of_table.fixed_weight_log < -0.3
+
+
+def test_the_interval_of_a_beam_with_a_hanging_weight_holds_a_fixed_weight_too() -> None:
+    strip = Specimen(100.0, 30.0, 30.0, 1070.0, section="plane-stress")
+    loads = replace(Loads.along([0.0], gravity_angle_deg=-90.0), tip_force_N=np.array([[0.0, -1.0]]))
+    of_table = RingTable(RingingBeam(strip, loads, LAWS["neo-hookean"], np.ones(1), hanging_N=1.0), 90e3)
+    fixed_Hz = float(of_table.beam.undamped_Hz(90e3)[0] * of_table.solid_over_planar[0])
+    fixed_Hz *= np.exp(of_table.fixed_weight_log)
+    mode = RingMode(fixed_Hz, 1e-3, np.diag([1e-8, 1e-6]))
+    elastic = Prony(np.array([[1e-9]]), np.array([[1.0]]))
+    residuals = RingEvidence(of_table, swing(4.0), ((0, mode),)).residuals(np.array([90e3]), elastic, np.zeros(1))
+    assert of_table.fixed_weight_log < -0.01
+    assert abs(residuals[0, 0]) == pytest.approx(2.0, rel=0.01)

@@ -1,0 +1,287 @@
+"""The evidence of slow motions for a viscoelastic law: residuals of creep and of static states.
+
+Both are computed by the beam model of `time.loaded_creep`, whose histories of loads are integrated side by side. For
+the candidates and residuals see `time.evidence`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.model import BeamModel
+from eimi_fitting.inference.evidence.sources import SOURCES, loads_under
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.loaded_creep import CreepHistories, LoadCurve, LoadStep
+from eimi_fitting.time.ringing import RingingBeam
+
+Array = NDArray[np.float64]
+
+_MODULI = 7
+_CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
+_RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
+_STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
+
+
+@dataclass(frozen=True)
+class LoadHistory:
+    """The loads on a beam over time. A curve gives the moment of each load as a function of the rotation of the tip.
+
+    Attributes
+    ----------
+    steps : tuple of LoadStep
+        The loads in the order of time. Each `LoadStep` contains the time at which the load begins.
+    """
+
+    steps: tuple[LoadStep, ...]
+
+    @staticmethod
+    def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
+        """Return the history of the loads of K states.
+
+        For each load, the rotation of the tip is computed for seven shear moduli. The product of modulus and rotation
+        is the moment of the load, and the seven moments give the curve of the load (`loaded_creep.LoadCurve`).
+
+        Parameters
+        ----------
+        beam : RingingBeam
+            The specimen, with its law.
+        middle_Pa : float
+            A typical shear modulus. The seven moduli lie between 0.4 and 2.5 times this modulus.
+        loads : Loads
+            The loads of the K states.
+        begins_s : sequence of float
+            The K times (s) at which the loads begin.
+        """
+        model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
+        shapes = model.solve(beam.law, beam.parameters(moduli), loads)
+        rotation = np.radians(model.tip_angle_deg(shapes))
+        largest = np.abs(rotation).max()
+        gravity = _stiffness_of_gravity(beam, middle_Pa)
+        curves = []
+        for k in range(len(loads)):
+            theta, sound = rotation[:, k], shapes.status[:, k] == 0
+            if sound.sum() < 2 or np.ptp(theta[sound]) < 1e-3 * max(largest, 1e-6):
+                curves.append(LoadCurve.of_gravity(gravity))
+                continue
+            curves.append(LoadCurve.through(theta[sound], (moduli * theta)[sound]))
+        return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
+
+
+def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
+    """Return the stiffness of gravity against a rotation of the tip (Pa).
+
+    This stiffness is the shear modulus times K_g / K_m of the lowest mode. K_m is the stiffness due to the material,
+    and K_g is the stiffness due to stresses and gravity.
+    """
+    motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
+    return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
+
+
+@dataclass(frozen=True)
+class CreepEvidence:
+    """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
+
+    Only changes of the rotation are measured. Therefore the weighted mean is subtracted from the residuals.
+
+    Attributes
+    ----------
+    history : LoadHistory
+        The loads over time.
+        The loads over time.
+    time_s, rotation, sigma : ndarray, shape (k,)
+        Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
+    label : str
+        Origin of the recording, for messages.
+    shown : tuple of ndarray, or None
+        True rotations and, for each of them, the rotation that would be measured, see `slow_motion.shown_rotations`;
+        None if the measured rotations are the true rotations.
+    """
+
+    history: LoadHistory
+    time_s: Array
+    rotation: Array
+    sigma: Array
+    label: str
+    shown: tuple[Array, Array] | None = None
+
+    def shown_at(self, true: Array) -> Array:
+        """Return the rotations that would be measured for true rotations of the tip; both have any shape, rad."""
+        if self.shown is None:
+            return true
+        nodes, values = self.shown
+        first = np.clip(np.searchsorted(nodes, true) - 1, 0, len(nodes) - 2)
+        slopes = np.diff(values) / np.diff(nodes)
+        return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
+
+    def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the rotation that would be measured at the k times for P candidate laws, (P, k) in rad."""
+        history = CreepHistories([(self.history.steps, self.time_s)])
+        return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
+
+    def residuals_at(self, true: Array) -> Array:
+        """Return the k residuals for true rotations of the tip of P candidate laws at the k times, (P, k) in rad."""
+        gap = self.shown_at(true) - self.rotation
+        error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
+        sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
+        weight = 1 / sigma**2
+        return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return zeros: the effects of the sources of uncertainty on creep are not computed; see `Evidence.effects`."""
+        return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
+
+
+@dataclass(frozen=True)
+class StaticEvidence:
+    """The shear modulus from an elastic fit to the static states of runs, as evidence (a residual of a Prony fit).
+
+    The edges of a state are measured some time after the load was set. The material has relaxed during this time.
+
+    Attributes
+    ----------
+    beam : RingingBeam
+    runs : tuple of (LoadHistory, ndarray)
+        For each run, the loads of its states over time, and the time at which the edges of each state were measured.
+        The beam is at rest before the first load of each run.
+    loads : Loads
+        The loads of the states of all runs.
+    modulus_Pa : float
+        Initial shear modulus of a fit that treats all states as elastic.
+    sigma : float
+        Relative standard uncertainty of the modulus due to noise and mesh.
+    stated : dict of str to float
+        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
+        `SOURCES`.
+    """
+
+    beam: RingingBeam
+    runs: tuple[tuple[LoadHistory, Array], ...]
+    loads: Loads
+    modulus_Pa: float
+    sigma: float
+    stated: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def age_s(self) -> float:
+        """The median time in s from the setting of a load to the measurement of the edges, over the states."""
+        ages = [seen_s - np.array([step.time_s for step in history.steps]) for history, seen_s in self.runs]
+        return float(np.median(np.concatenate(ages)))
+
+    @cached_property
+    def orders(self) -> tuple[NDArray[np.intp], ...]:
+        """For each run, the numbers of its states in the order in which their edges were measured."""
+        return tuple(np.argsort(seen_s) for _, seen_s in self.runs)
+
+    @property
+    def histories(self) -> list[tuple[tuple[LoadStep, ...], Array]]:
+        """For each run, its loads over time, and the increasing times at which the edges of states were measured."""
+        return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
+
+    def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidate laws, (P,).
+
+        The fit uses the states that are computed for the candidate.
+        """
+        rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
+        return self._apparent_log(rotations)
+
+    def _apparent_log(self, rotations: Sequence[Array]) -> Array:
+        """Return the logarithm of the shear modulus of an elastic fit, (P,), for the rotations of the tip in each run.
+
+        rotations: those of `histories` for P candidate laws, (P, states) in rad.
+        """
+        total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
+        for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
+            for column, k in enumerate(order):
+                curve = run.steps[k].curve
+                if len(curve.rotation) < 3:
+                    continue
+                at = theta[:, column]
+                moment, _ = curve.at(at)
+                weight = at**2
+                total += weight * np.log(np.maximum(moment / np.where(at == 0, 1.0, at), 1e-6))
+                weights += weight
+        return total / np.maximum(weights, 1e-30)
+
+    def residuals_at(self, rotations: Sequence[Array]) -> Array:
+        """Return the residual of ln(modulus), (P, 1), for the rotations of the tip at the times in `histories`."""
+        gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
+        return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return the change of the residual due to each source of uncertainty, see `Evidence.effects`."""
+        scale = np.hypot(self.sigma, _STATIC_ERROR)
+        before = self._rotations(self.beam, 1.0)
+        slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
+        effects = {}
+        for key, sigma in sources.items():
+            source = SOURCES[key]
+            change = np.zeros((len(source.parts), 1))
+            if source.field and not (source.specimen or source.loads):
+                moved = self._rotations(self.beam, 1.0, 1 + sigma) - before
+                change[0] = (moved @ slope) / (slope @ slope)
+            elif source.specimen or source.loads:
+                for part in range(len(source.parts)):
+                    deviation = np.zeros(len(source.parts))
+                    deviation[part] = sigma
+                    under = self.beam.under({key: deviation})
+                    moved = self._rotations(under, 1.0, 1.0, {key: deviation}) - before
+                    change[part] = (moved @ slope) / (slope @ slope)
+            else:
+                change[0] = self.stated.get(key, 0.0)
+            effects[key] = change / scale
+        return effects
+
+    def _rotations(
+        self,
+        beam: RingingBeam,
+        factor: float,
+        field_factor: float = 1.0,
+        deviations: Mapping[str, Array] | None = None,
+    ) -> Array:
+        model = BeamModel(beam.specimen, plane=beam.specimen.planar_section)
+        loads = loads_under(self.loads, deviations) if deviations else self.loads
+        parameters = beam.parameters(np.array([factor * self.modulus_Pa]))
+        shapes = model.solve(beam.law, parameters, loads, field_factor=np.array([field_factor]))
+        return np.asarray(np.radians(model.tip_angle_deg(shapes))[0])
+
+
+class SlowEvidence:
+    """The evidence of all recordings of creep and of the static states together.
+
+    Their histories of loads are integrated side by side, because the cost of an integration hardly depends on their
+    number.
+
+    Parameters
+    ----------
+    creeps : sequence of CreepEvidence
+    static : StaticEvidence or None
+        The static states, if there are any. Either creep or static states are needed.
+    """
+
+    def __init__(self, creeps: Sequence[CreepEvidence], static: StaticEvidence | None) -> None:
+        self._creeps, self._static = tuple(creeps), static
+        self._histories = CreepHistories(
+            [*((creep.history.steps, creep.time_s) for creep in creeps), *(static.histories if static else [])]
+        )
+
+    def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
+        """Return the residuals of every recording of creep, and of the static states, see `Evidence.residuals`."""
+        rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
+        rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
+        if self._static:
+            rows.append(self._static.residuals_at(rotations[len(self._creeps) :]))
+        return np.concatenate(rows, axis=1)
+
+    def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
+        """Return the changes of the residuals due to each source, see `Evidence.effects`."""
+        parts = [creep.effects(sources) for creep in self._creeps]
+        if self._static:
+            parts.append(self._static.effects(sources))
+        return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}

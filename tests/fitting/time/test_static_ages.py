@@ -1,0 +1,56 @@
+"""Static states of several runs count with the ages at which their edges were measured, each in its own run."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from eimi_fitting import LAWS, Loads, Magnet, Specimen
+from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.ringing import RingingBeam
+from eimi_fitting.time.slow_evidence import LoadHistory, StaticEvidence
+
+AT_REST_PA = 46e3
+SERIES = Prony(np.array([[0.12, 0.1]]), np.array([[0.05, 2.0]]))
+INSTANTANEOUS_PA = AT_REST_PA / SERIES.long_term
+FIELDS_mT = [0.0, 4.0, 7.0]
+
+
+@pytest.fixture(scope="module")
+def beam() -> RingingBeam:
+    magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
+    specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section="plane-stress", magnet=magnet)
+    return RingingBeam(specimen, Loads.along([0.0]), LAWS["neo-hookean"], np.ones(1))
+
+
+def static(beam: RingingBeam, *dwells_s: float) -> StaticEvidence:
+    """Return the static states of one run for each duration of a state in s."""
+    loads = Loads.along(FIELDS_mT)
+    runs = []
+    for number, dwell_s in enumerate(dwells_s):
+        begins_s = 1e4 * number + dwell_s * np.arange(len(FIELDS_mT))
+        runs.append((LoadHistory.of(beam, AT_REST_PA, loads, list(begins_s)), begins_s + dwell_s))
+    every = Loads.along(FIELDS_mT * len(dwells_s))
+    return StaticEvidence(beam, tuple(runs), every, AT_REST_PA, 1e-3)
+
+
+def apparent_Pa(evidence: StaticEvidence) -> float:
+    return float(np.exp(evidence.apparent_log(INSTANTANEOUS_PA, SERIES, np.zeros(1))[0]))
+
+
+def test_a_short_and_a_long_run_count_with_their_own_ages(beam: RingingBeam) -> None:
+    early_Pa, late_Pa = apparent_Pa(static(beam, 1.0)), apparent_Pa(static(beam, 100.0))
+    assert late_Pa == pytest.approx(AT_REST_PA, rel=2e-3)
+    assert early_Pa > 1.03 * late_Pa
+    for dwells_s in permutations((1.0, 100.0)):
+        both = static(beam, *dwells_s)
+        assert apparent_Pa(both) == pytest.approx(np.sqrt(early_Pa * late_Pa), rel=3e-3)
+        assert both.age_s == pytest.approx(50.5)
+
+
+def test_the_uncertain_width_has_the_same_effect_on_one_run_and_on_two_equal_runs(beam: RingingBeam) -> None:
+    one, two = (static(beam, *dwells_s).effects({"width": 0.02})["width"] for dwells_s in ((5.0,), (5.0, 5.0)))
+    assert two == pytest.approx(one, rel=1e-9)
+    assert abs(one).max() > 1.0
