@@ -27,7 +27,7 @@ _LEVER = 1.5  # widths before a gap that determine the direction
 _SHORTEST = 0.2  # widths: a shorter run of sure stations is rejected
 _NOTCH = 0.25  # widths: a shorter gap of one edge, beside which the other edge is sure, is a notch in the same body
 _NOTCH_LEAP = 0.15  # widths by which the width may differ behind a notch
-_LONG = 0.5  # widths: a shorter run of sure stations does not show that the body continues beside a sure edge
+_LONG = 1.0  # widths: a shorter run of sure stations does not show that the body continues beside a sure edge
 _LEAP = 0.1  # widths by which the width may differ behind a gap
 _ASIDE = 0.12  # widths by which an edge behind a gap may lie beside its straight continuation
 _STRAY = 0.25  # widths that are added to both for each width of the gap
@@ -193,7 +193,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     runs. The tolerances of both conditions grow with the length of the gap.
 
     The first condition is not checked if the other edge is sure beside the whole gap, the width is about the same, and
-    either the gap is a notch (shorter than a quarter of a width) or both runs are at least half a width long. The other
+    either the gap is a notch (shorter than a quarter of a width) or both runs are at least a width long. The other
     edge and the width then show that the body is the same, also if it bends strongly. The segments of a soft arm, the
     folds of a bellows, and stains at one edge cause such gaps.
 
