@@ -21,7 +21,8 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 def pack(name: str) -> str:
     """Return a text from which the guardian process can restore a supply driver that the user's program added.
 
-    The guardian process switches the coil off if the run dies. There, `unpack` converts the text into the driver again.
+    The guardian process switches the coil off if the run dies. In the guardian process, `unpack` converts the text into
+    the driver again.
 
     Parameters
     ----------

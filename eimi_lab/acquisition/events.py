@@ -80,11 +80,12 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """Motion of the tip of the beam at rest from an earlier load cycle to the last load cycle, at one current.
+    """The change of the position at which the tip comes to rest, from an earlier load cycle to the last load cycle.
 
-    `since_cycle` is the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm`
-    are the distance between the two positions of the tip; null if no tip is visible. If no tip is visible,
-    `difference_ratio` is the difference of the two images divided by the difference due to noise; otherwise null.
+    Both positions belong to one current. `since_cycle` is the number of the earlier cycle; 0 means before the first
+    cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the tip; null if no tip is
+    visible. If no tip is visible, `difference_ratio` is the difference of the two images divided by the difference due
+    to noise; otherwise null.
     """
 
     current_A: float
@@ -188,7 +189,7 @@ class Paused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Resumed(Event):
-    """The pause is over, and the run continues with the state (load step) with number `state`.
+    """The pause has ended, and the run continues with the state (load step) with number `state`.
 
     Before this state, the current ramps through the currents of all earlier states again.
     """
@@ -389,7 +390,7 @@ class EmulatedSupplyGone(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunEnded(Event):
-    """The run is over.
+    """The run has ended.
 
     `reason` is the name of the signal that stopped the run, or the type of the error that ended the run; empty if
     `status` is "completed". `stored` is the number of states (load steps) in the dataset, out of `states`; null if the

@@ -1,6 +1,6 @@
 """Play a recording (a video or a folder of pictures) in place of a camera.
 
-Each picture of the recording serves for a whole state (load step) or for one frame. The recording is played once or in
+Each picture of the recording is used for a whole state (load step) or for one frame. The recording is played once or in
 a loop.
 """
 

@@ -174,10 +174,10 @@ class Calibration(Document):
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return one source of uncertainty for each quantity in the table [uncertainty] of the calibration.
+        """Return an object for each quantity in the table [uncertainty] of the calibration.
 
-        A source tells a fit the standard uncertainty of the quantity, and which datasets have the same error. The
-        errors of a calibration are common to all datasets with this calibration. The error of the coil constant is
+        The object gives a fit the standard uncertainty of the quantity, and tells which datasets have the same error.
+        The errors of a calibration are common to all datasets with this calibration. The error of the coil constant is
         common to all datasets with the same coil constant.
         """
         coil = f"coil of {self.mT_per_A:g} mT/A"

@@ -248,11 +248,11 @@ class SpecimenFile(Document):
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return one source of uncertainty for each quantity in the table [uncertainty] of the specimen file.
+        """Return an object for each quantity in the table [uncertainty] of the specimen file.
 
-        A source tells a fit the standard uncertainty of the quantity, and which datasets have the same error. The
-        errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument, the
-        errors of lengths are common to all specimens that were measured with this instrument.
+        The object gives a fit the standard uncertainty of the quantity, and tells which datasets have the same error.
+        The errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument,
+        the errors of lengths are common to all specimens that were measured with this instrument.
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with

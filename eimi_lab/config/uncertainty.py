@@ -111,7 +111,7 @@ def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> t
 def stated_sources(
     file: File, table: Table | None, shared_by: Callable[[str], str], in_units: Mapping[str, float]
 ) -> tuple[StatedSource, ...]:
-    """Convert a table [uncertainty] into the sources of uncertainty that a fit takes into account.
+    """Convert a table [uncertainty] into the uncertain inputs (sources of uncertainty) that a fit takes into account.
 
     Parameters
     ----------
@@ -129,7 +129,8 @@ def stated_sources(
     Returns
     -------
     tuple of StatedSource
-        For each key of the table: the name of the source, its standard uncertainty and the object that causes it.
+        For each key of the table: the name of the uncertain input, its standard uncertainty, and the object that causes
+        the error.
     """
     names = keys_of(file)
     return tuple(

@@ -67,7 +67,7 @@ def copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) ->
     Returns
     -------
     path, lock
-        The path of the copy, and the lock that keeps other writers from the copy.
+        The path of the copy, and the lock that prevents other programs from writing to the copy.
 
     Raises
     ------

@@ -303,7 +303,7 @@ def _of_video(
 
 
 def _where(source: Path, output: Path, problem: str) -> str:
-    """Write a picture of the beam at rest with rulers, and return a message about it.
+    """Write a picture of the beam at rest with rulers, and return a message for the user.
 
     The message asks the user to read points on the beam from the picture.
 

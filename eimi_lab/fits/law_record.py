@@ -102,8 +102,8 @@ class LawRecord:
     def drawn(self, most: int | None = None) -> Array:
         """Return the n parameters of the law in D draws (random samples from their distribution), shape (D, n).
 
-        D is at most `most`, and 0 if the fit has no draws. If draws are left out, the returned draws are evenly spread
-        over the modulus.
+        D is at most `most`, and 0 if the fit has no draws. The draws are stored in increasing order of the modulus; if
+        some are left out, the returned draws are evenly spaced in this order.
         """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
@@ -178,8 +178,8 @@ class LawRecord:
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
         """Return the doubts (reasons to distrust the fit) as JSON objects for a result file.
 
-        The attribute `kind` of a doubt is for programs and is not written to the file. The keys of later releases are
-        left out if they hold nothing.
+        The attribute `kind` of a doubt is for programs and is not written to the file. Keys that later releases added
+        are left out if they are empty.
         """
         written = [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
         return [{k: v for k, v in doubt.items() if v or k not in ("modulus_percent", "short")} for doubt in written]

@@ -1,6 +1,6 @@
 """The loads and uncertainties of a dataset whose field was measured.
 
-A measured field replaces the coil constant in the calibration. The slope of the measured line
+A measured field replaces the coil constant in the calibration. The slope of the measured line of field against current
 (`dataset.measured_field`) is used as the coil constant, and the offset of the line as a background field. Both have the
 uncertainties of the line.
 """
@@ -23,10 +23,10 @@ REPLACED = frozenset({"coil", "offset"})
 
 
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
-    """Return loads whose background field along the axis of the coil is the offset of the measured line.
+    """Return loads whose background field along the axis of the coil is the measured field without a current.
 
-    This offset replaces the background field that the calibration gives along the axis. Without a measured field the
-    loads are unchanged.
+    This field is the offset of the line that was fitted to the readings of the gaussmeter. It replaces the background
+    field that the calibration gives along the axis. Without a measured field the loads are unchanged.
     """
     line = dataset.field_line
     if line is None or dataset.calibration is None:

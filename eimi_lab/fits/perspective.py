@@ -9,10 +9,10 @@ therefore fitted as
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 
-over all stations s along the beam and over all states. The two edges have the distances a_left and a_right, and b and c
-are coefficients of the fit. The width w₀ at each station is free, so that an irregular shape of the beam has no
-influence. A bent beam also becomes slightly thinner. Therefore the estimated S is too large by some tenths of its
-value. The stand-off should be measured and not taken from this estimate.
+for all stations s along the beam and all states. The two edges have the distances a_left and a_right, and b and c are
+coefficients of the fit. The width w₀ at each station is free, so that an irregular shape of the beam has no influence.
+A bent beam also becomes slightly thinner. Therefore the estimated S is too large by some tenths of its value. The
+stand-off should be measured and not taken from this estimate.
 """
 
 from __future__ import annotations

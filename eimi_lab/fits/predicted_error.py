@@ -125,8 +125,8 @@ def _uncertain_numbers(
 ) -> list[tuple[StatedSource, int]]:
     """Return the uncertain inputs of a dataset, without the inputs that were fitted with the law.
 
-    A source of uncertainty may have several inputs, for example two coordinates. For each input the source and the
-    index of the input in this source are returned.
+    A source of uncertainty (such as the place of the clamp) may consist of several inputs (its two coordinates). For
+    each input, the source and the index of the input in the source are returned.
     """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))

@@ -100,7 +100,7 @@ class CurveRecord(Record):
     rows : int
         Number of rows in the window.
     correlation_rows : float
-        Number of rows over which residuals are correlated.
+        Number of neighbouring rows whose residuals are correlated.
     largest_strain : float
         Largest strain in the window, as a fraction.
     rmse_alone_Pa, rmse_Pa : float

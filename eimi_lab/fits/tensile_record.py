@@ -34,7 +34,7 @@ class TensileRecord(LawRecord):
     rows, rows_left_out : int
         Number of used rows, and number of rows left out. Relative residuals leave out rows without a positive stress.
     correlation_rows : float
-        Number of rows over which residuals are correlated.
+        Number of neighbouring rows whose residuals are correlated.
     correlation : tuple or None
         Correlation matrix of the errors of the parameters; null in files of earlier releases.
     not_fixed : tuple of str

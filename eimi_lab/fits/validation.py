@@ -1,7 +1,7 @@
 """The data classes of the errors of fits on datasets, as the file validation.json contains them.
 
 If the beam has no equilibrium in a state, the errors are null and `status` is "no equilibrium". A law that is not
-Drucker-stable over the stretches of the dataset is simulated nevertheless, and `stable` is false. The module
+Drucker-stable at all stretches of the dataset is simulated nevertheless, and `stable` is false. The module
 `simulated_fit` computes the errors, and `predicted_error` their intervals.
 """
 
@@ -64,7 +64,7 @@ class Validation(Record):
         95 % interval of the mean error; None if the fit has no draws (random samples of its result). The upper end is
         None if the beam has no equilibrium for a draw.
     stable : bool or None
-        Whether the law is Drucker-stable over the stretches of this dataset; None without an equilibrium.
+        Whether the law is Drucker-stable at all stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
         Whether the largest stretch of this dataset lies within the stretches of the data of the fit; None without an
         equilibrium.

@@ -180,7 +180,7 @@ def _submitted(
 def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
     """Wait until the next task is done, and return its future (its result) from the queue ``finished``.
 
-    The wait is divided: on Windows a wait without a time limit would keep Ctrl-C from the main thread.
+    The wait is divided: on Windows, the main thread would not receive Ctrl-C during a wait without a time limit.
     """
     while True:
         with suppress(Empty):

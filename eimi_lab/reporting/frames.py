@@ -102,7 +102,10 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Return the indices, among the used states, of at most `most` states that are evenly spread over the loads."""
+    """Return the indices, among the used states, of at most `most` states from the smallest to the largest load.
+
+    The states are evenly spaced in the order of their loads.
+    """
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))
     return [int(order[row]) for row in rows]

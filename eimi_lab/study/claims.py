@@ -81,7 +81,7 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return a text on the laws, fitted to bending, for which some beam of the study has no equilibrium.
+    """Return a text on the laws fitted to bending with which a beam of the study has no equilibrium.
 
     Only types of specimen to which no law was fitted are considered. The text gives the largest stable stretch of each
     of these laws. `key` is the material, and `section` the model of the cross-section.

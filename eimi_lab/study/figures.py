@@ -35,7 +35,7 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the fit to the tensile curve of a material with the smallest errors.
+    """Return the index of the law with the smallest errors, of all laws fitted to the tensile curve of a material.
 
     `key` is the material, and `section` the model of the cross-section. The index counts all identified laws that
     `Findings.routes` returns. The mean errors are summed over the types of specimen that `untwisted` returns.

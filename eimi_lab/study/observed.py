@@ -111,10 +111,10 @@ def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Arr
 
 
 def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
-    """Return the edges of type 4 with the twist that a moment out of the plane of the picture causes.
+    """Return the edges of type 4 with the twist due to a magnetic moment out of the plane of the picture.
 
-    The angle of the moment to the plane is chosen such that the twist at the magnet is `TWIST_DEG` in the strongest
-    field.
+    The angle between the moment and the plane is chosen such that the twist at the magnet is `TWIST_DEG` in the
+    strongest field.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 The parameters of the simulation are in the table [virtual] of the rig file.
 
 virtual_rig      the supply and the camera of the simulated bench
-served_bench     serve the simulated bench over real protocols, for other programs
+served_bench     serve the simulated bench to other programs, by the protocols of real instruments
 client_rig       the rig file for a program that measures on the served bench
 virtual_sensors  the gaussmeter and the thermometers of the simulated bench
 moving_beam      the motion of the virtual specimen, with the true viscoelastic law that a fit does not know

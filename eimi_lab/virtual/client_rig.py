@@ -1,6 +1,6 @@
 """Write the rig file for a program that measures on a served bench, and add parameters of a simulation to a rig.
 
-A served bench is a simulated bench whose instruments other programs can reach over real protocols.
+A served bench is a simulated bench whose instruments other programs can use, by the protocols of real instruments.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def write_client_rig(
 ) -> None:
     """Write the rig file with which another program can measure on a simulated bench, and the calibration file.
 
-    The bench is "served": its instruments can be reached over real protocols. The rig file does not contain the true
-    material. The camera in the rig file is a GigE camera with the settings of the served rig.
+    The bench is "served": other programs can use its instruments by the protocols of real instruments. The rig file
+    does not contain the true material. The camera in the rig file is a GigE camera with the settings of the served rig.
 
     Parameters
     ----------

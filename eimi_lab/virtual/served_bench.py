@@ -1,4 +1,4 @@
-"""Let other programs use the simulated supply, camera and sensors of a rig on one coil, over real protocols."""
+"""Let other programs use the simulated instruments of a rig on one coil, by the protocols of real instruments."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
 class Coil(Protocol):
-    """A source of the current that causes the field at the beam."""
+    """The interface of an object that returns the current of the coil, from which the field at the beam follows."""
 
     def coil_current_A(self) -> float:
         """Return the true current of the coil at this moment, A."""

@@ -165,7 +165,8 @@ def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
     """Return an upper bound of the steepness in each column of S strips of `STRIP_ROWS` rows, shape (S, W).
 
-    The bound is the range of the grey values within `REACH_PX`, times `STEEPEST_STEP`, and the rounding error.
+    The bound is the sum of the rounding error and of `STEEPEST_STEP` times the range of the grey values within
+    `REACH_PX`.
     """
     tops = range(0, image.shape[0], STRIP_ROWS)
     strips = [image[max(top - REACH_PX, 0) : top + STRIP_ROWS + REACH_PX] for top in tops]

@@ -61,7 +61,7 @@ class ClickedBench(Document):
 
 @dataclass(frozen=True)
 class MeasuredBench:
-    """The calibration of a photographed bench, and the source of each of its values in words."""
+    """The calibration of a photographed bench, and for each value a text on how the value was obtained."""
 
     calibration: Calibration
     sources: dict[str, str]
@@ -96,7 +96,7 @@ def measure_bench(
     Returns
     -------
     MeasuredBench
-        The calibration, and the source of each value in words.
+        The calibration, and for each value a text on how the value was obtained.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def _middle(clicked: ClickedBench) -> tuple[float, float]:
 
 
 def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the scale in px/mm, its relative uncertainty due to the clicks, and its source in words.
+    """Return the scale in px/mm, its relative uncertainty due to the clicks, and a text on how it was obtained.
 
     `click_px` is the standard uncertainty of a click, px.
     """
@@ -208,7 +208,7 @@ def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -
 
 
 def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of gravity in the picture (degrees), its uncertainty (degrees), and its source in words."""
+    """Return the direction of gravity in the picture, its uncertainty (degrees), and a text on how it was obtained."""
     if clicked.plumb == "picture":
         return 90.0, UPRIGHT_DEG, f"the phone was upright (assumed to {UPRIGHT_DEG:g} degrees)"
     points = clicked.ruler_px if clicked.plumb == "ruler" else _clamp_line(clicked)
@@ -237,7 +237,7 @@ def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
 
 
 def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of the beam at its clamp (degrees), its uncertainty (degrees), and its source in words."""
+    """Return the direction of the beam at its clamp, its uncertainty (degrees), and a text on how it was obtained."""
     clamp = _middle(clicked)
     to_tip_deg = _direction_deg((clamp, clicked.tip_px))
     if clicked.leaves == "clamp":
@@ -263,7 +263,7 @@ def _nearer(direction_deg: float, to_tip_deg: float) -> float:
 
 
 def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) -> tuple[float, float, str]:
-    """Return the distance from the lens to the beam in mm, its relative uncertainty, and its source in words."""
+    """Return the distance from lens to beam in mm, its relative uncertainty, and a text on how it was obtained."""
     if clicked.stand_off_mm is not None:
         return clicked.stand_off_mm, STAND_OFF_SHARE, "measured with a ruler"
     if lens is None:
@@ -277,7 +277,7 @@ def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) ->
 def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
-    """Return the text of calibration.toml, with the source of each value of the calibration in a comment.
+    """Return the text of calibration.toml, with a comment on how each value of the calibration was obtained.
 
     region: left, top, width and height (px) of the part of the picture in which the beam is searched.
     """

@@ -26,7 +26,7 @@ _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: 
 
 @dataclass(frozen=True)
 class FocalLength:
-    """A focal length in pixels of the stored picture, and its source in words."""
+    """A focal length in pixels of the stored picture, and a text on how it was obtained."""
 
     px: float
     source: str

@@ -96,7 +96,7 @@ class Side:
 class PassResult:
     """The result of one pass, in which each edge of the beam is searched once on normals to a curve near the edge.
 
-    There are n normals over all sides of the outline. On each normal, a profile of m grey values is read.
+    All sides of the outline together have n normals. On each normal, a profile of m grey values is read.
 
     Attributes
     ----------
@@ -365,7 +365,7 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return the length (px) over which a profile can extend into the beam without reaching the edge of the magnet.
+    """Return how far (px) a profile can extend into the beam without reaching the edge of the magnet.
 
     A profile contains the grey values along a line across the edge of the beam. half_px: largest length. cover_px:
     width of the silicone beside the magnet. blur_px: blur of the edge. If the silicone is so thin that every profile

@@ -125,8 +125,7 @@ class StatedShape:
     def _edge_mm(self) -> Array:
         """Distances from the clamp along the edge of a specimen whose width varies, mm.
 
-        Each distance belongs to the distance along the straight axis of the specimen with the same index in
-        `_along_mm`.
+        The array `_along_mm` holds, with the same indices, the distances along the straight axis of the specimen.
         """
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])

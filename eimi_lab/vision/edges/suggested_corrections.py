@@ -113,10 +113,7 @@ def suggest_correction(
 
 
 def _is_clear(followed: FollowedBeam) -> bool:
-    """Return whether the search followed a clear body from the clamp over nearly the length in the specimen file.
-
-    The body must also have about the width in the specimen file.
-    """
+    """Return whether the search followed a clear body with about the length and width in the specimen file."""
     findings = followed.findings
     return (
         findings.get("followed_beyond", 0.0) >= _FULL_LENGTH

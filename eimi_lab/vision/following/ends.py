@@ -61,7 +61,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which of n edge points precede the change of the beam's width toward the last point, shape (n,).
+    """Return which of n edge points, from the first to the last, come before a change of the beam's width, shape (n,).
 
     The beam's width changes at the first point whose width differs from the extrapolated width of the preceding points.
     The result is True for every point if the width does not change.

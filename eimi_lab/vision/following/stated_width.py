@@ -1,7 +1,8 @@
 """Look for an edge inside the border that makes the body wider than the stated width.
 
 Beside a beam that lies on its own shadow, the border of the shadow may be the clearest line, and the shadow may have
-the hue of the beam. The colours then do not tell the beam from its shadow (`shadows`), but the width does.
+the hue of the beam. The beam can then be distinguished from its shadow only by its width, and not by colours
+(`shadows`).
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ _WINDOW = 1.0  # widths along the beam over which colours are averaged
 
 
 def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, end: int) -> Seams:
-    """Move one edge inward if the body is too wide, and if a clear edge lies where the stated width expects it.
+    """Move one edge inward if the body is too wide, and if a clear edge lies at the stated width from the other edge.
 
-    Each of the two edges is moved in turn. The search begins at the stated width from the other edge. The region
-    between the clear edge and the former border must be darker than the surroundings, as a shadow is.
+    The search is made for each of the two edges, and the clearer of the two found edges is used. The region between the
+    found edge and the former border must be darker than the surroundings, as a shadow is.
 
     Parameters
     ----------
