@@ -212,7 +212,7 @@ class GenerationLog:
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Append a new generation to the checkpoint.
+        """Append a new generation (set of candidate parameters with their objectives) to the checkpoint.
 
         Raises OtherSearch if a repeated generation differs from the logged generation.
         """

@@ -74,10 +74,10 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return the coefficient b of the equation in the module's docstring, from measurements in K states at m stations.
+    """Return the coefficient b of the equation in the module's docstring, from K states and m places along the beam.
 
     The second axis of `profiles`, shape (K, 3, m), holds width, distance from the optical axis, and curvature. The mean
-    over the states is subtracted, which removes the free width w₀ of each station.
+    over the states is subtracted, which removes the free width w₀ of each place (station).
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
@@ -86,7 +86,7 @@ def _slope(profiles: Array) -> float:
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
     """Return width (mm), distance from the optical axis (mm) and curvature (1/mm) of the beam in state k.
 
-    The result has the shape (3, m) for m stations along the beam.
+    The result has the shape (3, m) for m stations (places along the beam).
     """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)

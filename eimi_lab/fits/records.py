@@ -345,7 +345,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def doubts_in_short(self) -> str:
-        """Return a text in brackets for the first line of a fit that says what is doubted; empty without doubts."""
+        """Return the reasons to distrust a fit in a few words, in brackets; empty without such reasons."""
         short = "; ".join(doubt.short for doubt in self.doubts if doubt.short)
         return f" (doubted{': ' if short else ''}{short})" if self.doubts else ""
 
@@ -370,7 +370,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self) -> str:
-        """Return one line: law, initial shear modulus, its interval, doubts, mean error, inputs without uncertainty."""
+        """Return one line about a fit.
+
+        The line gives the law, the initial shear modulus with its interval, the doubts (reasons to distrust the fit),
+        the mean error, and the inputs without an uncertainty.
+        """
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (

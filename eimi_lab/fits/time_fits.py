@@ -26,16 +26,16 @@ def with_law_of_time(
 ) -> FitRecord:
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
-    The viscoelastic law is fitted to all motions (ring-downs and creep) and to the modulus of the static fit, which is
-    a mean over all static states. Each state counts with the time for which its load acted before the measurement, in
-    its own dataset. Raises InputError if no ring-down can be used.
+    The viscoelastic law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the modulus
+    of the static fit, which is a mean over all static states. Each state counts with the time for which its load acted
+    before the measurement, in its own dataset. Raises InputError if no ring-down can be used.
     """
     static = static_states(evidence, record)
     return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))
 
 
 def fit_motions(model: str, motions: Sequence[MotionEvidence], seed: int) -> RingDownRecord:
-    """Fit a viscoelastic (Prony) law to recorded motions (ring-downs and creep) without static states.
+    """Fit a viscoelastic (Prony) law to ring-downs (free vibrations) and creep, without static states.
 
     Raises
     ------

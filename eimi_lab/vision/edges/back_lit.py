@@ -199,8 +199,8 @@ class BackLitSearch:
     ) -> tuple[PassResult, Array] | None:
         """Return the result of the second pass over the edges, and the four corners of the beam in px, shape (4, 2).
 
-        The first pass searches the edges on normals to the silhouette, the second on normals to the edges of the first.
-        Return None if an edge is too short.
+        The first pass searches the edges on normals to the outline of the silhouette (the dark body), the second pass
+        on normals to the edges of the first pass. Return None if an edge is too short.
         """
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand

@@ -72,12 +72,15 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
 
 
 def _wider(edge: Array, end: int) -> float:
-    """Return the logarithm of the median width of the beam, in nominal widths, at the stations before its end."""
+    """Return the logarithm of the median width of the beam, in nominal widths, at the places before its end."""
     return float(np.log(max(np.median((edge[1] - edge[0])[:end]), 1e-3)))
 
 
 def _with_edge(seams: Seams, other: Seams, row: int, inward: Array) -> Seams:
-    """Return `seams` with the edge `row` of `other`, which lies farther inward by `inward` widths, shape (n,)."""
+    """Return the edges `seams`, in which the edge `row` (0: left, 1: right) is replaced by the edge of `other`.
+
+    inward: distance by which the new edge lies farther inward at each of n places, in widths of the beam, shape (n,).
+    """
     moved = np.zeros(seams.edge.shape, dtype=bool)
     moved[row] = True
     left, right = (merged(*sides) for sides in zip(moved, other.projected, seams.projected, strict=True))

@@ -272,7 +272,7 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Return the chain of the given stations.
+        """Return the chain that consists of the given stations (places along the beam).
 
         Parameters
         ----------
