@@ -326,7 +326,7 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return a sentence that confirms that the coil is off, after a person pressed STOP on the web page.
+    """Return the sentence that the web page shows when the coil is off after a person pressed STOP.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ Table = dict[str, float]
 def keys_of(file: File) -> dict[str, str]:
     """Return the permitted keys of the table [uncertainty] in one kind of file.
 
-    The result is a dictionary: key in the file, and name of the source of uncertainty in
+    The result maps each key in the file to the name of the source of uncertainty in
     `eimi_fitting.inference.evidence.sources.SOURCES`. ``file`` is "specimen", "calibration" or "rig".
     """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}

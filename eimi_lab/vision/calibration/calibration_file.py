@@ -292,7 +292,7 @@ def from_ruler(
     ruler_px = math.dist(ends_px[:2], ends_px[2:])
     if not (0 < length_mm < math.inf and ruler_px > 20 * READING_PX):
         raise InputError(
-            f"{image}: --ruler-mm {length_mm:g} over {ruler_px:.1f} px gives no scale; --ruler-mm should be greater "
+            f"{image}: --ruler-mm {length_mm:g} for {ruler_px:.1f} px gives no scale; --ruler-mm should be greater "
             f"than 0, and the points of --ruler-px more than {20 * READING_PX:g} px apart"
         )
     uncertainty = {

@@ -193,8 +193,8 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     runs. The tolerances of both conditions grow with the length of the gap.
 
     The first condition is not checked if the other edge is sure beside the whole gap, the width is about the same, and
-    either the gap is a notch (shorter than a quarter of a width) or both runs are at least a width long. The other
-    edge and the width then show that the body is the same, also if it bends strongly. The segments of a soft arm, the
+    either the gap is a notch (shorter than a quarter of a width) or both runs are at least a width long. The other edge
+    and the width then show that the body is the same, also if this body bends strongly. The segments of a soft arm, the
     folds of a bellows, and stains at one edge cause such gaps.
 
     These conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
