@@ -231,10 +231,11 @@ def stated_specimen(planar: bool) -> Specimen:
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges of the true solid in K fields (mT) at the positions that the camera shows.
+    """Return the edges of the true beam in K fields (mT), where the camera of the imperfect bench shows them.
 
-    The points next to the clamp and to the tip are left out. The shape is (K, 2, m, 2): K fields, left and right edge,
-    m points, and x and y in mm.
+    A tilted camera, for example, shows a point at a wrong position. The true beam is a solid with the imperfection. The
+    points next to the clamp and to the tip are left out. The result has the shape (K, 2, m, 2): K fields, left and
+    right edge, m points, and x and y in mm.
     """
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 

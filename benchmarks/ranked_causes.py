@@ -26,7 +26,12 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class Entry:
-    """A cause that a fit compares, with its probability, its size, and the names of the causes that are alike."""
+    """One cause that a fit compares, as `fits.json` contains it.
+
+    name: the cause. probability: the probability that the fit gives to the cause. value: the size of the cause.
+    shift_percent: the change of the modulus by the cause, %. like: the names of other causes that change the residuals
+    so similarly that the data do not decide between them. A cause and its `like` are a class of similar causes.
+    """
 
     name: str
     probability: float
@@ -121,15 +126,19 @@ class Ranked:
 
     @property
     def is_declared(self) -> bool:
-        """Whether `is_first` is true, or the first class of similar causes contains the true cause.
+        """Whether `is_first` is true, or the most probable class of similar causes contains the true cause.
 
-        For two true causes: also true if each of the first two classes contains a true cause.
+        With two true causes: whether each of the two most probable classes contains a true cause. `Entry` defines a
+        class.
         """
         return self.is_first or self._is_in_first_classes(len(self.true))
 
     @property
     def is_declared_second(self) -> bool:
-        """Whether `is_second` is true, or the first two classes contain the true cause (three for two true causes)."""
+        """Whether `is_second` is true, or one of the first two classes of similar causes contains the true cause.
+
+        With two true causes: whether two of the first three classes contain a true cause. `Entry` defines a class.
+        """
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
     def _is_in_first_classes(self, count: int) -> bool:

@@ -71,7 +71,11 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def counts(results: Sequence[Ranked]) -> str:
-    """Return lines of text with the number of fits that name a cause, that have a doubt, and whose interval holds."""
+    """Return lines of text with four numbers of fits.
+
+    They are the fits that name a cause, that have a doubt with a cause, that have any doubt, and whose interval
+    contains the true modulus.
+    """
     named = sum(any(e.probability > _NAMED and e.name != NONE for e in one.causes) for one in results)
     lines = {
         f"name a cause with more than {_NAMED:g}": named,

@@ -13,19 +13,22 @@ Six simplifications make hundreds of draws affordable. With --whole, none of the
 - The creep of the rod is integrated without inertia, and its vibration is computed from tangents and added. For one
   material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which integrates the motion
   in time.
-- The stiffness of the rod is solved for the nominal solid and for a wider and a longer one, and interpolated.
+- The stiffness of the rod is computed by a solid model for the nominal dimensions and with each dimension changed by
+  1 %. The stiffness for other dimensions follows linearly in the logarithms.
 - The tables of frequencies and the curves of the loads are computed at a few moduli, `TABLE_STEP` apart in the
   logarithm, and used for all draws whose modulus is nearest to them. A fit computes them at its own modulus.
 - The recordings are reduced: frequency and loss of the vibration are those of the rod, with noise, and the positions
   show the creep alone.
 - Only two terms are fitted. In place of the best candidates of a global search, the polish starts at the hidden law.
-- The moment is not fitted without its prior, and the intervals from noise alone are not drawn.
+- The additional fit without a prior on the magnetic moment is left out, and so are the random draws from which a fit
+  computes the intervals from noise alone.
 
 Each draw is written to the file as one line of JSON as soon as it is done, with its seed. Draws in the file are not
 repeated. Tables and curves are kept beside it, in FILE.tables. --table prints the table of the draws in the file,
-without further draws. Times are those of the stored curve nearest to 0.03, 1 and 30 s: 0.032, 1 and 32 s. "chance" is
-the 95 % interval (Clopper and Pearson) of the share that holds, and "width over needed" the ratio of the stated to the
-observed standard deviation of the logarithms.
+without further draws. The fit gives the modulus as a function of time at certain times, of which the table shows those
+nearest to 0.03, 1 and 30 s: 0.032, 1 and 32 s. "hold" is the share of intervals that contain the hidden value, and
+"chance" the 95 % interval of this share (Clopper and Pearson). "width over needed" is the standard deviation that the
+intervals state, divided by the observed standard deviation; both are those of ln(fitted value / hidden value).
 """
 
 from __future__ import annotations
@@ -92,16 +95,19 @@ _KEPT: dict[Any, Any] = {}
 
 
 def once(key: Any, compute: Callable[[], Any]) -> Any:
-    """Return the result of a computation, which is made for each key only once and kept in a file."""
+    """Return the result of a computation; repeat the result of an earlier computation with the same key.
+
+    The results are kept in `_KEPT`, which `tables_shared` writes to a file.
+    """
     if key not in _KEPT:
         _KEPT[key] = compute()
     return _KEPT[key]
 
 
 def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
-    """Return the logarithms of the rod's two stiffnesses, (2,), and their slopes by the logarithm of each dimension.
+    """Return the logarithms of the rod's two stiffnesses (of bending and of the hinge), (2,), and their derivatives.
 
-    The slopes have the shape (3, 2): width, depth and length.
+    The derivatives are those with respect to the logarithms of width, depth and length, and have the shape (3, 2).
     """
 
     def logs(specimen: Specimen) -> np.ndarray:
@@ -116,7 +122,7 @@ def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the rod of a specimen whose dimensions are near the nominal ones."""
+    """Return the stiffness of the rod for a specimen whose dimensions differ little from the nominal dimensions."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     bending, hinge = np.exp(nominal + change @ slopes)
@@ -136,8 +142,9 @@ def measured(
 ) -> tuple[list[RecordedMotion], StaticStates, float]:
     """Return a virtual measurement of a material: recorded motions with noise, static states, and the moment.
 
-    The moment is the true magnetic moment, divided by the nominal one. is_whole: whether the recordings show the
-    vibrations. Otherwise `REDUCED` receives the frequency and the loss of each recording.
+    The moment is the true magnetic moment, divided by the nominal moment. is_whole: whether the recordings show the
+    vibrations. Otherwise they show the creep alone, and the dictionary `REDUCED` receives the frequency and the loss of
+    each vibration, by the label of the recording.
     """
     at_rest = instantaneous_Pa * float(series.long_term)
     HIDDEN.append(np.log([at_rest, *(series.g / series.long_term), *series.tau_s, 1.0]))
@@ -183,7 +190,9 @@ HIDDEN: list[np.ndarray] = []
 def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
     """Return the vibration of a reduced recording, whose positions show the creep alone.
 
-    As in `decay_of`, the fitted part begins at an amplitude of 5 % of the length and ends at 0.4 times the noise.
+    The function takes the place of `decay_of`. Frequency and loss come from `REDUCED`. As in `decay_of`, the fitted
+    part of the recording begins when the amplitude is 5 % of the beam's length, and ends when the amplitude is 0.4
+    times the noise of a position.
     """
     mode = REDUCED[label]
     decays_per_s = -mode.rate.real
@@ -200,7 +209,10 @@ def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
 
 @contextmanager
 def reduced() -> Iterator[None]:
-    """Use reduced recordings, and make only the necessary steps of the fit with two terms."""
+    """Let fits use reduced recordings and fit two terms only, from the hidden law, while the context lasts.
+
+    The steps that the table does not need, such as a fit without a prior on the magnetic moment, are left out.
+    """
     draw, last = law_of_time.drawn, np.zeros((0, 0))
 
     def drawn(*arguments: Any, of_sources: bool = True) -> np.ndarray:
@@ -229,7 +241,7 @@ def reduced() -> Iterator[None]:
 
 
 class KeptTable(RingTable):
-    """A table of frequencies that remembers the effects of the sources of uncertainty."""
+    """A table of frequencies that computes the effects of the uncertain inputs only once, and then keeps them."""
 
     def effects(self, sources: Any) -> Any:
         if not hasattr(self, "_effects"):
@@ -239,7 +251,11 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """Compute tables and curves that depend on a modulus only at moduli `TABLE_STEP` apart, and keep them in a file."""
+    """Let fits share tables of frequencies and curves of the loads while the context lasts; keep them in a file.
+
+    The tables and curves depend on the modulus. They are computed only at moduli whose logarithms are multiples of
+    `TABLE_STEP`, and a fit uses those at the nearest of these moduli. store: the file.
+    """
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)
 

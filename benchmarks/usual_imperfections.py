@@ -80,9 +80,10 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean interval of the full fits, relative to the identified modulus, by dimensions and noise.
+    """Return the mean interval of each group of experiments, from the fits that were made in full (like `eimi fit`).
 
-    An interval consists of two numbers: the means of ln(lower end / modulus) and of ln(upper end / modulus).
+    The key of a group is the result of `kind`: the dimensions of the beam and the noise. Its mean interval consists of
+    two numbers: the means of ln(lower end / identified modulus) and of ln(upper end / identified modulus).
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
@@ -92,9 +93,9 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment quickly, and return its outcome with the mean interval of comparable full fits.
+    """Fit one experiment quickly, and return its outcome with the mean interval of its group in place of its own.
 
-    Full fits are comparable if the dimensions of the beam and the noise are the same.
+    ends: the mean intervals of the groups, as `mean_ends` returns them.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))

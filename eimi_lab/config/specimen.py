@@ -229,10 +229,11 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the sizes and densities of the specimen, by the key of their uncertainty in the table [uncertainty].
+        """Return the quantities of the file that may have an uncertainty, such as sizes and densities.
 
-        Each entry consists of the key of the quantity in the file, and the value of the quantity; None if the file does
-        not contain the quantity. The uncertainty of a quantity is checked against this value.
+        A key of the result is a key of the table [uncertainty], for example "magnet_width_mm". Its entry consists of
+        the full key of the quantity in the file, here "magnet.width_mm", and of the value of this quantity; None if the
+        file does not contain the quantity. The uncertainty of a quantity is checked against this value.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")

@@ -1,5 +1,6 @@
-"""Camera drivers switch automatic exposure and gain off only if the user requests a value, and before they set it.
+"""Before a camera driver sets the exposure or the gain that a user requests, it switches its automatic control off.
 
+Without such a request, the driver leaves the automatic control as it is.
 An automatic control would change the value after the driver has read it back. The tests replace the camera by objects
 that contain only its settings.
 """

@@ -218,7 +218,11 @@ class Process:
 
 @contextmanager
 def started(monkeypatch: pytest.MonkeyPatch, process: Process, *answers: Any) -> Iterator[tuple[CameraProcess, Line]]:
-    """Serve a camera from a replacement of a process, which sends the answers."""
+    """Serve a camera from `process`, a replacement for another process.
+
+    Yield the camera and the program's end of the connection between the two processes. answers: the messages that
+    arrive at this end.
+    """
     here, there = Line(*answers), Line()
 
     def make(**options: Any) -> Process:

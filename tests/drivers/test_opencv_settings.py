@@ -66,7 +66,7 @@ class Capture:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """A function that opens a camera device or a video file, for which the replacement `Capture` answers.
+    """A function that opens a camera device or a video file; the replacement `Capture` takes its place.
 
     The function returns the object with which the driver reads the frames. No thread is started.
     """

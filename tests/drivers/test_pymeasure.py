@@ -35,7 +35,7 @@ UNREADABLE = (LookupError, NotImplementedError)
 
 
 def open_client(driver: str, address: str) -> Any:
-    """Return the PyMeasure instrument of this kind of supply, connected to the emulated supply at `address`."""
+    """Return PyMeasure's instrument for the supplies of `driver`, connected to the emulated supply at `address`."""
     module, name = CLIENTS[driver]
     kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
     lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}

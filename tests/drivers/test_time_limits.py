@@ -1,4 +1,4 @@
-"""In simulated time, drivers wait as long as they should, and emulated faults begin at their times."""
+"""In simulated time, drivers wait as long as they should, and emulated faults begin when their conditions say."""
 
 from __future__ import annotations
 

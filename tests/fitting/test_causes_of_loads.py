@@ -47,7 +47,11 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the function `replace` in the tested module also change objects of `SimpleExperiment` and `Loaded`."""
+    """Let the tested module change the replacements `SimpleExperiment` and `Loaded`.
+
+    The module changes objects by `dataclasses.replace`, which accepts dataclasses only. Here, a function takes its
+    place.
+    """
 
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):

@@ -30,7 +30,10 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return `count` states from which a plan may choose, at equally spaced fields, with these uncertainties."""
+    """Return `count` states at equally spaced fields, from which a plan may choose the states of the next run.
+
+    sources: the inputs that are uncertain in the next run, with their standard uncertainties.
+    """
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
@@ -139,7 +142,8 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
     """The half-width from noise in a plan is halved if the edges of the earlier fit have four times as many points.
 
-    Only points that count as independent are counted. Student's factor of a plan with four states is 2.2.
+    Only points that count as independent are counted. The test also compares the half-width with a calculation by hand,
+    in which Student's factor for the four states of the plan is 2.2.
     """
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))

@@ -1,4 +1,7 @@
-"""Parameters that cannot be computed get a status, without a hang or NaN, and do not affect other parameters."""
+"""If a beam has no equilibrium, its solution ends with a status instead of NaN, and other beams are not affected.
+
+The beam has no equilibrium if a parameter of the law or a load is far too large, not finite or has the wrong sign.
+"""
 
 from __future__ import annotations
 

@@ -924,7 +924,7 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return a trial point for the upper end of the interval of the first of two coordinates.
+    """Return a trial point for the upper end of an interval; the interval belongs to the first of two coordinates.
 
     The trial point is at 0.6, and the optimum is at 0.5. changed: attributes with other values.
     """

@@ -31,10 +31,11 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
     """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0; rad and mm.
 
-    couple: function from the rotation to the moment (N) for each mm of length. dead: force (x, y) in N/mm² for each mm
-    of length. pressure: (value, start, end) on the side below the rod; the curvature makes this side longer or shorter
-    than the rod by half the width times the curvature. force, end_couple: at the tip. All loads are for each mm of
-    depth. The shooting method starts at the clamp, with five steps of all loads.
+    All loads are for each mm of depth. couple: function from the rotation to the moment for each mm of length (N/mm).
+    dead: force (x, y) for each mm of length (N/mm²). pressure: value (N/mm²), start and end (mm) on the side below the
+    rod; the curvature makes this side longer or shorter than the rod by half the width times the curvature. force:
+    force (x, y) at the tip (N/mm). end_couple: function from the rotation of the tip to the moment at the tip (N). The
+    solution is found by shooting from the clamp, with five steps of all loads.
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])

@@ -127,9 +127,10 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the ends of a fit with a bulk modulus, and the candidates that were evaluated for its upper end.
+    """Return the ends of the intervals of a fit, and the candidates that were evaluated for an open upper end.
 
-    The target of the deviance at the ends is 1, and the candidates have the deviances `values`.
+    The second of the two coordinates belongs to the bulk modulus if `has_bulk` is true. high: upper end of its interval
+    before the candidates are evaluated. values: the deviances of the candidates. An end has the deviance 1.
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

@@ -17,10 +17,10 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Return the consistent forces (x, y) on N nodes in N, shape (N, 2), of a dead traction on an edge of the mesh.
+    """Return the forces (x, y) in newton on all n nodes of a mesh, shape (n, 2), of a dead traction on one edge.
 
-    nodes: the nodes of the edge, in order. traction: function from a point (x, y), shape (2,), to the traction in
-    N/mm², shape (2,).
+    The forces do the same work as the traction. nodes: the nodes of the edge, in order. traction: function from a point
+    (x, y), shape (2,), to the traction in N/mm², shape (2,).
     """
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):

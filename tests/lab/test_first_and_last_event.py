@@ -1,4 +1,7 @@
-"""A run sends a first and a last event around all others, logs every event, and begins with its stated facts."""
+"""A run sends an event at its beginning and one at its end, and logs every event.
+
+The first event states the facts of the run, such as its states and currents. The last event states how the run ended.
+"""
 
 from __future__ import annotations
 

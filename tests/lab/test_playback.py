@@ -51,7 +51,10 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """The recordings that were opened. If the camera shows one picture several times, it does not wait in between."""
+    """A list that collects the recordings that are opened.
+
+    So that the test is quick, the camera does not wait before it shows a picture again.
+    """
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []
 

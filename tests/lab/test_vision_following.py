@@ -328,8 +328,8 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
     """Two clicks that lie 8 px on either side of a straight beam do not exclude the beam from the search.
 
-    The clicks are far from the clamp and 40 px apart. The true beam lies within the strip about the clicked line in
-    which the search costs nothing.
+    The clicks are far from the clamp and 40 px apart. The search for the beam penalises places that are farther from
+    the line through the clicks than a free distance. The straight beam is everywhere within this distance.
     """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
@@ -450,7 +450,8 @@ def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexa
 def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
     """The border of a tape near the clamp is not joined to the edge of the body behind it.
 
-    The gap between them is a third of a width long, the other edge is sure beside it, and the width is about the same.
+    They are not joined although the gap between them is only a third of the beam's width long, the other edge of the
+    beam is sure beside the gap, and the beam would be about as wide on both sides of the gap.
     """
     picture = next(picture for picture in DEVELOPMENT if picture.name == "silicone_curl")
     clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))

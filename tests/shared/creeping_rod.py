@@ -29,9 +29,12 @@ _TANGENTS_S = np.geomspace(0.02, 20.0, 7)  # times after a change of the field a
 class CreepingRod:
     """A viscoelastic rod that begins at rest, in equilibrium with a field.
 
+    The n coordinates of the rod describe its shape, for example amplitudes of bending (see `Rod`).
+
     Parameters
     ----------
     rod : Rod
+        The elastic model of the rod.
     at_rest_Pa : float
         Long-term shear modulus.
     series : Prony
@@ -64,15 +67,17 @@ class CreepingRod:
         return self.rod.loads(z, derivatives, remaining, *self._loads(field_mT))
 
     def _tangent(self, z: Array, field_mT: float) -> Array:
-        """Return the derivative of the loads by the n coordinates, (n, n)."""
+        """Return the derivatives of the generalised loads with respect to the n coordinates, shape (n, n)."""
         ends = [self._force(z + e, field_mT) - self._force(z - e, field_mT) for e in _STEP * np.eye(len(z))]
         return np.stack(ends, axis=1) / (2 * _STEP)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
-        """Return the coordinates (n,) at the end of a step: elastic and remembered forces equal the loads.
+        """Return the coordinates (n,) at the end of a step in time, at which the forces balance the loads.
 
-        z: coordinates at the start; faded: what is left of the remembered strains of each term, (terms, n); gains:
-        the part of a change of the coordinates that each term remembers, (terms,).
+        The forces are those of the long-term modulus and those of the terms of the Prony series. A term remembers
+        earlier changes of the coordinates, and forgets them with its time constant. z: coordinates at the start. faded:
+        what is left at the end of what each term remembered at the start, shape (terms, n). gains: the part of a change
+        in this step that each term remembers at the end, shape (terms,).
         """
         gain = float(gains.sum())
         matrix = (1 + gain) * np.eye(len(z)) - self._tangent(z, field_mT) / self._elastic[:, None]
@@ -110,9 +115,10 @@ class CreepingRod:
         self.coordinates = new
 
     def rates(self, coordinates: Array, field_mT: float) -> tuple[NDArray[np.complex128], Array, Array]:
-        """Return the complex rates (B,) in 1/s of the lowest vibration about B positions, mode (n,) and mass (n, n).
+        """Return the rates of the lowest vibration about B shapes of the rod, and its mode and mass.
 
-        Mode and mass are those about the first position. coordinates: (B, n).
+        Mode and mass belong to the vibration about the first shape. The complex rates (1/s) have the shape (B,), the
+        mode (n,), and the mass matrix (n, n). coordinates: the coordinates of the shapes, (B, n).
         """
         still = np.zeros(self.rod.size)
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
@@ -128,8 +134,9 @@ class CreepingRod:
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
         """Change the field at once, keep it, and return the motion at m times, (m, n), and the rate of the vibration.
 
-        The rate (1/s) is that when the vibration has become nine times smaller. times_s: (m,), after the change.
-        vibrates: whether the motion contains the vibration; otherwise it is the creep alone.
+        The rate (complex, 1/s) changes with the creep; the rate at which the vibration has become nine times smaller is
+        returned. times_s: the times after the change, (m,). vibrates: whether the motion contains the vibration;
+        otherwise it is the creep alone.
         """
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)

@@ -102,9 +102,9 @@ class Hidden:
 
 
 def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """Return a term with its constant (Jm, b or alpha) multiplied or divided by a random factor of at most ``off``.
+    """Return a term whose constant (Jm, b or alpha) is multiplied or divided by a random factor of at most ``off``.
 
-    Jm is never smaller than Jm in the library.
+    The constant Jm is only multiplied, so that it is never smaller than the value of Jm in the library of terms.
     """
     shift = np.exp(rng.uniform(-1, 1) * np.log(off))
     if term.number is None:

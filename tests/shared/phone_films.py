@@ -359,7 +359,7 @@ def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axi
 
 
 def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
-    """Draw a video at random: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
+    """Choose a video at random: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
 
     share: factor by which the frames (1280 x 720 px) are scaled.
     """

@@ -108,7 +108,7 @@ class PhoneScene:
 
 
 def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
-    """Draw a scene at random; `share` is the factor by which the photographs (4032 x 3024 px) are scaled."""
+    """Choose a scene at random; `share` is the factor by which the photographs (4032 x 3024 px) are scaled."""
     rng = np.random.default_rng([seed, 32])
     length, width, depth = rng.uniform(30, 50), rng.uniform(3.0, 4.5), rng.uniform(4.0, 9.0)
     specimen = Specimen(length, width, depth, rng.uniform(1050.0, 1120.0), "solid")

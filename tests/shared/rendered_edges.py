@@ -223,7 +223,7 @@ def _mean(values: Array) -> float:
 
 
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Summarise the rows of `measure` over all tip angles.
+    """Summarise the rows of `measure`, of which there is one for each tip angle.
 
     The summary contains bias and RMS error of each side (px), the largest error, the pull (the RMS of errors divided by
     their standard uncertainties) of all rows together, its smallest and largest value in one row, and the time (ms).

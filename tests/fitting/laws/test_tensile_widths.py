@@ -45,9 +45,9 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """If a curve has only one Ogden term, the modulus of another term has an interval of finite width.
+    """In a fit of three Ogden terms to a curve of one term, the moduli of the absent terms have finite intervals.
 
-    The interval is as wide as the largest modulus that the noise could hide.
+    Such an interval is as wide as the largest modulus that the noise could hide.
     """
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)

@@ -26,7 +26,10 @@ def beam() -> RingingBeam:
 
 
 def static(beam: RingingBeam, *dwells_s: float) -> StaticEvidence:
-    """Return the static states of one run for each duration of a state in s."""
+    """Return the static states of several runs.
+
+    dwells_s: for each run, the time (s) for which each of its states is held.
+    """
     loads = Loads.along(FIELDS_mT)
     runs = []
     for number, dwell_s in enumerate(dwells_s):

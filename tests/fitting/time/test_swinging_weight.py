@@ -16,8 +16,9 @@ WEIGHT = 0.68  # mass of the weight over the mass that moves with the tip
 def coupled(ratio: float, sideways: float, swing_mm: float = 0.0) -> np.ndarray:
     """Return the deflection of the tip (mm) at 100 frames in a second, beside a pendulum that swings in the same plane.
 
-    ratio: frequency of the pendulum over that of the beam; sideways: c in `time.swinging_weight`; swing_mm: sideways
-    displacement of the weight at the release.
+    ratio: frequency of the pendulum divided by the frequency of the beam. sideways: sideways displacement of the upper
+    end of the thread, divided by the deflection of the tip. swing_mm: sideways displacement of the weight at the
+    release.
     """
     beam = (2 * np.pi * FREQUENCY_HZ) ** 2 * (1 + 1j * LOSS)
     pendulum = (2 * np.pi * ratio * FREQUENCY_HZ) ** 2

@@ -1,7 +1,7 @@
-"""Every printed number comes from the right field of the stored results, and has the right factor.
+"""Every printed number comes from the right field of the stored results, and has the right ratio to this field.
 
-`traced_numbers.txt` lists the field and the factor of each number. If the test fails, it prints a `diff` command with
-the paths of the new and the old list. Read the differences before you copy the new list over the old list.
+`traced_numbers.txt` lists the field and the ratio (factor) of each number. If the test fails, it prints a `diff`
+command with the paths of the new and the old list. Read the differences before you copy the new list over the old list.
 """
 
 from __future__ import annotations
