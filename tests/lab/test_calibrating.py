@@ -251,7 +251,7 @@ BAD = {
         "both points of --ruler-px 1 1 900 1 should lie in the image",
     ),
     "endless squares": ((*BOARD, "--square-mm", "inf"), "square_mm = inf should be a finite number"),
-    "endless ruler": (("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "inf"), "--ruler-mm inf over 89.0 px gives no"),
+    "endless ruler": (("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "inf"), "--ruler-mm inf for 89.0 px gives no"),
     "ruler of nothing": (("--ruler-px", "1", "1", "90", "1"), "gives no scale"),
     "field": ((*("--ruler-px", "1", "1", "90", "1", "--ruler-mm", "9"), "--field-angle", "90"), "should be across"),
 }
