@@ -96,7 +96,7 @@ class TimedCamera:
 
     @property
     def lost_frames(self) -> Mapping[str, int]:
-        """The number of lost frames by reason; empty if the driver does not count lost frames."""
+        """The number of lost frames for each reason (the key); empty if the driver does not count lost frames."""
         return dict(getattr(self._camera, "lost_frames", {}))
 
     def close(self) -> None:

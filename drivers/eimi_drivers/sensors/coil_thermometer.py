@@ -108,7 +108,7 @@ class CoilThermometer:
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the relative standard uncertainty of a resistance that the resolution of the supply's meters causes.
+    """Return the relative standard uncertainty of a resistance due to the limited resolution of the supply's meters.
 
     `reading` contains the voltage and the current from which the resistance is computed. A resolution d causes the
     standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).

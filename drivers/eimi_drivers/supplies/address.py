@@ -32,7 +32,7 @@ def split_address(address: str) -> tuple[str, int | None]:
 def pseudo_terminal(address: str) -> str:
     """Return the path of the pseudo-terminal in an address, or an empty text if the address contains none.
 
-    Linux and macOS name pseudo-terminals differently. Only emulated supplies are on pseudo-terminals.
+    The names of pseudo-terminals on Linux and on macOS are recognised. A supply at such an address is an emulated one.
     """
     match = _PSEUDO_TERMINAL.search(address)
     return match[0] if match else ""

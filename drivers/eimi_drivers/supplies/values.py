@@ -24,7 +24,10 @@ def set_point_text(value: float, step: str) -> str:
 
 
 def number_in(reply: bytes) -> float | None:
-    """Return the number of an answer that consists of one number; None for other answers and numbers above 1e30."""
+    """Return the number of an answer that consists of one number; None for any other answer.
+
+    The result is also None for a number above 1e30: SCPI represents infinity and missing values by such numbers.
+    """
     if not _NUMBER.fullmatch(reply) or abs(number := float(reply.strip(_PADDING))) > _NOT_A_MEASUREMENT:
         return None
     return number

@@ -90,7 +90,9 @@ class Places(Protocol):
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes and weights that distribute a force evenly in depth, at a point (x, y) of the straight strip.
+        """Return the nodes that share a force at a point (x, y) of the straight strip, and the share of each node.
+
+        The force is distributed evenly in depth.
 
         The straight strip is a straight beam of constant width, which is mapped to the rest shape.
         """
@@ -119,7 +121,8 @@ class LoadedMesh:
     slopes : ndarray, shape (N, d)
         Integrals of the derivatives of the nodes' shape functions over the silicone, in mm² (in mm for a planar mesh).
     nodal_dipole : ndarray, shape (N,)
-        The nodal force in N in a field of 1 T: the product of ``slopes`` and the magnetisation of the silicone.
+        Nodal force along the field, in N, in a field of 1 T: the product of ``slopes`` and the magnetisation of the
+        silicone.
     element_dipole : ndarray, shape (E, n)
         The contribution of each element to ``nodal_dipole``.
     element_share : ndarray, shape (E, n)

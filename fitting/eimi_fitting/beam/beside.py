@@ -117,7 +117,10 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether the shapes of a planar model can be used as `SolidOptions.planar_shapes` for this specimen."""
+        """Return whether a planar model has the mesh and the specimen of this planar model, whatever its section is.
+
+        Its shapes can then be used as `SolidOptions.planar_shapes`.
+        """
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen

@@ -55,7 +55,7 @@ class Operators:
     slope : ndarray, shape (E, 27, 3)
         Integrals of the derivatives of the shape functions in mm².
     weights : ndarray, shape (E, q)
-        Volume of each Gauss point in mm³.
+        Volume in mm³ that each Gauss point stands for; the volumes of an element add up to its volume.
     """
 
     gradient: Array

@@ -217,9 +217,10 @@ class CoilShape:
     def _slope(self) -> Complex:
         """Return the derivatives of the field ratio q by x and y that the gradient causes, complex, (2,) in 1/mm.
 
-        Let s and t be the coordinates along and across the axis, and let h and g be the derivatives of the relative
-        strength by s and t. The field has neither curl nor divergence and is symmetric about the axis: dB_s/ds = h,
-        dB_s/dt = dB_t/ds = g, dB_t/dt = -h/2.
+        Let s and t be the coordinates along and across the axis of the coil, and B_s and B_t the components of the
+        relative field. The gradient gives dB_s/ds = h and dB_s/dt = g. The field has no curl, so that dB_t/ds = g. It
+        has no divergence, and its derivatives in both directions across the axis are assumed equal, so that dB_t/dt =
+        -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)

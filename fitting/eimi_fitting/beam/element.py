@@ -63,7 +63,8 @@ class Operators:
     slope : ndarray, shape (E, 9, 2)
         Integrals of the derivatives of the shape functions in mm.
     weights : ndarray, shape (E, q)
-        Area of each Gauss point in mm², multiplied by the relative thickness of the mesh.
+        Area in mm² that each Gauss point stands for, multiplied by the relative thickness of the mesh. Without
+        variations of the thickness, the areas of an element add up to its area.
     """
 
     gradient: Array

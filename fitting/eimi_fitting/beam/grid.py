@@ -199,7 +199,7 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (1, 9) and weights (1, 9) that distribute a force at a point (x, y) of the straight strip.
+        """Return the nodes (1, 9) that share a force at a point (x, y) of the straight strip, and their shares (1, 9).
 
         The straight strip is a straight beam of constant width, which is mapped to the rest shape.
         """

@@ -1,14 +1,14 @@
 """The inertia of a specimen: consistent mass matrix of the silicone, mass and rotary inertia of the magnet.
 
 Let U be the translation of a rigid body's reference point, theta its rotation and R(theta) the matrix of the rotation.
-The centre of mass lies at the vector s from the reference point at rest. Its velocity is U' + R'(theta) s theta'. The
-mass matrix of the unknowns (U, theta) is therefore
+The centre of mass lies at the vector s from the reference point at rest. Its velocity is dU/dt + c dtheta/dt with the
+vector c = (dR/dtheta) s. The mass matrix of the unknowns (U, theta) is therefore
 
     [ m      0      m c_x     ]
     [ 0      m      m c_y     ]
     [ m c_x  m c_y  m s.s + I ]
 
-with the mass m, the vector c = dR/dtheta s, and the rotary inertia I about the centre of mass.
+with the mass m, the components c_x and c_y of c, and the rotary inertia I about the centre of mass.
 """
 
 from __future__ import annotations

@@ -64,7 +64,8 @@ def _outer(a: Array, b: Array) -> Array:
 def _inverse_product(B: Array) -> Array:
     """Return the linear map dE -> B dE B of symmetric tensors as a matrix, (6, 6, ...).
 
-    B: a symmetric tensor (6, ...). The columns of the matrix belong to dE11, dE22, dE33, 2 dE12, 2 dE23, 2 dE13.
+    B: a symmetric tensor (6, ...). For B = C^-1, the inverse of the right Cauchy-Green tensor, a change dE of the Green
+    strain changes B by -2 B dE B. The columns of the matrix belong to dE11, dE22, dE33, 2 dE12, 2 dE23, 2 dE13.
     """
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):

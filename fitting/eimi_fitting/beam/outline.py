@@ -128,7 +128,7 @@ def _outward(curves: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point (x, y) of each of n lines that lies farthest along a normal (..., n, 2), shape (..., n, 2).
+    """Return the point (x, y) of each of n lines that lies farthest along the normal of this line, shape (..., n, 2).
 
     Each line runs across the depth of the beam, on one of its faces, and is curved because the solid bends. Its
     projection into the picture consists of one quadratic segment for each of the D elements across the depth, given by

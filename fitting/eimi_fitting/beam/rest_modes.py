@@ -69,7 +69,7 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
     Parameters
     ----------
     rows : tuple of (float, float)
-        The table without the mode: rows of the fraction of the beam's length and the value. It may be empty.
+        The table without the mode: each row has a fraction of the beam's length and a value. It may be empty.
     share : float
         Length of the flexible part divided by the length of the beam.
     mode : callable
@@ -107,10 +107,10 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line in rad for bending mode i with the amplitude l, the flexible length.
+    """Return the angle of the centre line due to bending mode i, for a largest offset of one flexible length, in rad.
 
-    The amplitude is the largest offset of the centre line, and the angle is proportional to it. x is the arc length
-    divided by l. With ``integrals`` = 1, return the offset of the centre line divided by the largest offset.
+    For any other largest offset of the centre line, the angle is proportional to the offset. x: arc length divided by
+    the flexible length. With ``integrals`` = 1, return the offset of the centre line divided by the largest offset.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -83,13 +83,12 @@ class RigidBody:
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment and the stiffness of a dead load with the potential -tensor : R(theta), (B,) each.
+    """Return the moment and the stiffness of a dead load on the rigid body (the magnet), (B,) for B candidate laws.
 
-    A dead load keeps its direction and size while the rigid body (the magnet) turns.
-
-    R(theta) is the matrix of the rotation theta of a rigid body. The stiffness is minus the derivative of the moment by
-    theta. tensor: (B, 2, 2) for B candidate laws, or (1, 2, 2). rigid: translation of the body and rotation
-    theta, (B, 3).
+    A dead load keeps its direction and size while the body turns. Let theta be the rotation of the body and R(theta)
+    the matrix of this rotation. The load has the potential -tensor : R(theta), with ``tensor`` of shape (B, 2, 2) or
+    (1, 2, 2). The stiffness is minus the derivative of the moment by theta. rigid: translation of the body, then theta,
+    (B, 3).
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

@@ -151,9 +151,11 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that distribute a force evenly in depth over n points.
+        """Return the nodes that share a force at a point (x, y), and the share of each node, (n, 27) each.
 
-        point_mm: position (x, y) of the force in the straight strip (the beam before it is mapped to its rest shape).
+        The force is distributed evenly in depth, over n points with the same x and y. Each row belongs to one of these
+        points, and has the nodes of the element around the point. point_mm: position (x, y) of the force in the
+        straight strip (the beam before it is mapped to its rest shape).
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

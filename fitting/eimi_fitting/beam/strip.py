@@ -229,8 +229,8 @@ def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float])
     The ramp lies on the wider side of the step, because the shoulders of the wider part bear little stress. At a face
     of the magnet, the ramp lies on the narrower side.
 
-    rows: fraction of the beam's length, and width or depth. magnet_mm: distances of the two faces of the magnet from
-    the clamp.
+    rows: each row has a fraction of the beam's length, and the width or the depth there. magnet_mm: distances of the
+    two faces of the magnet from the clamp.
     """
     ramped = list(rows)
     for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):

@@ -223,9 +223,9 @@ class Transient:
 
         The three numbers of the body are its translation (x, y) in mm and its rotation in rad.
 
-        ``ev`` has the forces and stresses of the present displacements, and ``remembered`` the stress of earlier
-        deformations. ``pushed`` and ``pulled`` are the accelerations of the nodes and of the two mass points of the
-        body. ``inertia`` is the derivative of an acceleration by a displacement in 1/s².
+        ``ev`` has the forces and stresses of the present displacements, and ``remembered`` the stress that remains from
+        earlier deformations. ``pushed`` has the accelerations of the nodes, and ``pulled`` the accelerations of the two
+        mass points that stand for the body. ``inertia`` is the derivative of an acceleration by a displacement in 1/s².
         """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)

@@ -7,17 +7,19 @@ that the beam has in the plane.
 
 Let s be the arc length, t(s) the tangent of the middle line, n(s) its normal in the plane, z the normal of the plane,
 M(s) the bending moment in the plane, F(s) the force on the part beyond s, and omega(s) the small rotation of a
-cross-section about axes in the plane. With the stiffness A against bending out of the plane and the torsional stiffness
-C, the moment m(s) about axes in the plane and its balance are
+cross-section about axes in the plane. A prime is the derivative by s, and x is the vector product. With the stiffness A
+against bending out of the plane and the torsional stiffness C, the moment m(s) about axes in the plane and its balance
+are
 
     m = M omega x z + A (n . omega') n + C (t . omega') t,      m' = -((omega x t) . z) z x F
 
-The clamp holds the beam: omega = 0. A magnet with the moment m_0 (t + gamma z) that has turned with the tip has the
-component m_0 (gamma - n . omega) normal to the plane. The field B in the plane acts on it with the moment
+The clamp holds the beam: omega = 0 at s = 0. The magnetic moment of the magnet is m_0 (t + gamma z), with the small
+angle gamma between this moment and the plane. After the rotation of the tip, its component normal to the plane is
+m_0 (gamma - n . omega). The field B in the plane therefore acts on the tip with the moment
 
-    m = m_0 (gamma - n . omega) z x B
+    m = m_0 (gamma - n . omega) z x B.
 
-at the tip. The twist is t . omega. For a straight beam across the field it is -gamma m_0 B s / C.
+The twist is t . omega. For a straight beam across a field of strength B it is -gamma m_0 B s / C.
 """
 
 from __future__ import annotations

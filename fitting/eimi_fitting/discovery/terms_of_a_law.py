@@ -251,8 +251,8 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
     """Return the terms outside the set ``support`` that could carry more than 15 % of the stress at ``strain``.
 
-    A term could carry this share if its coefficient had the upper end of its 95 % interval. The values of the result
-    are the shares.
+    A term could carry this share if its coefficient had the upper end of its 95 % interval. The keys of the result are
+    the terms, and the values are the shares of the stress that the terms could carry.
     """
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns

@@ -2,15 +2,16 @@
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-The stability limit is exact. Let q_i = lambda_i^2 be the squares of the principal stretches, with q1 q2 q3 = 1. The
-determinant of the restricted Hessian (defined in `laws.stability`) is, up to a positive factor,
+The stability limit is exact. The law is stable at a deformation if the determinant of the restricted Hessian (defined
+in `laws.stability`) is positive. The determinant is, up to a positive factor,
 
     D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
 
-If C01 or C10 is negative, D decreases with I1 and I2 wherever it could become zero. I1 and I2 are convex functions of
-the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest I2 and the
-smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The stability limit follows from the
-smallest positive root of a polynomial in the square of the stretch.
+D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Among all
+deformations with the same I1, the equibiaxial tension has the largest I2, and its largest principal stretch is smaller
+than that of any other of these deformations. If a deformation is unstable, the equibiaxial tension with the same I1 is
+therefore unstable too, at a smaller stretch. The limit is thus the first zero of D in equibiaxial tension, the smallest
+positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations

@@ -39,8 +39,9 @@ class SearchSpace:
     law
         The hyperelastic law.
     names
-        Names of the m physical coordinates. The first is the initial shear modulus (Pa). If the last is the bulk
-        modulus, the first is a quarter of E / (1 - nu^2) (Pa); see the module `laws.search_space`.
+        Names of the m physical coordinates, the quantities that the search varies. The first is the initial shear
+        modulus (Pa). If the last is the bulk modulus, the first is a quarter of E / (1 - nu^2) (Pa); see the module
+        `laws.search_space`.
     lower, upper
         Bounds of the physical coordinates.
     """
@@ -72,9 +73,11 @@ class SearchSpace:
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear moduli for P candidate laws with m physical coordinates each, (P,) in Pa.
+        """Return the initial shear moduli mu of P candidate laws, (P,) in Pa, from their coordinates x.
 
-        x: the physical coordinates, (P, m).
+        x has the m physical coordinates of each candidate (the quantities in ``names``), (P, m). The first coordinate
+        is mu itself. If the bulk modulus K is a coordinate, the first coordinate is a quarter of E / (1 - nu^2), and mu
+        is computed from this quarter and K/mu (see the module).
         """
         if not self.has_bulk:
             return x[:, 0]
@@ -82,7 +85,10 @@ class SearchSpace:
         return np.asarray(x[:, 0] * (three + 4) / (three + 1))
 
     def physical(self, unit: Array) -> Array:
-        """Return the m physical coordinates of the law, (P, m), at P points of the unit cube, (P, m) from 0 to 1."""
+        """Convert the unit coordinates of P points, (P, m) from 0 to 1, to physical coordinates, (P, m).
+
+        The m physical coordinates are the quantities in ``names``: a modulus in Pa, then dimensionless numbers.
+        """
         unit = np.atleast_2d(unit)
         lower, upper = np.array(self.lower), np.array(self.upper)
         x = lower + unit * (upper - lower)

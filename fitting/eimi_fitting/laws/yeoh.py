@@ -2,15 +2,17 @@
 
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
 
-The stability limit is exact. Let q_i = lambda_i^2 be the squares of the principal stretches, with q1 q2 q3 = 1. The
-determinant of the restricted Hessian (defined in `laws.stability`) is, up to a positive factor,
+The stability limit is exact. The law is stable at a deformation if the determinant of the restricted Hessian (defined
+in `laws.stability`) is positive. With the invariants I1 and I2, the determinant is, up to a positive factor,
 
     D = W' (W' I2 + W'' (I1 I2 - 9)),
 
-where a prime is the derivative by I1. If W'' is negative, D decreases with I2 at constant I1. I1 and I2 are convex
-functions of the logarithmic stretches. Among all deformations with the same I1, the equibiaxial tension has the largest
-I2 and the smallest maximum stretch. Stability is therefore lost first in equibiaxial tension. The stability limit
-follows from the smallest positive root of a polynomial in the square of the stretch.
+where a prime is the derivative by I1. D can become zero only if W'' is negative, because W' is positive at rest and
+I1 I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative, so that D is not positive for any larger I2 at
+the same I1. Among all deformations with the same I1, the equibiaxial tension has the largest I2, and its largest
+principal stretch is smaller than that of any other of these deformations. If a deformation is unstable, the equibiaxial
+tension with the same I1 is therefore unstable too, at a smaller stretch. The limit is thus the first zero of D in
+equibiaxial tension, the smallest positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -34,8 +36,9 @@ Array = NDArray[np.float64]
 def _stiffness() -> Array:
     """Return the coefficients of the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, (10, 3).
 
-    The rows are the powers of s = q - 1, with the square q of the two equal stretches. The columns are the parameters
-    C10, C20 and C30, in which the polynomial is linear. In equibiaxial tension
+    q is the square of the two equal stretches. The polynomial is written in powers of q - 1, one row for each power.
+    Its smallest positive root q - 1 gives the stability limit. The columns are the parameters C10, C20 and C30, in
+    which the polynomial is linear. In equibiaxial tension
 
         I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """

@@ -46,10 +46,10 @@ class Evidence(Protocol):
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals due to a change of each source of uncertainty (an uncertain input).
+        """Return how the k residuals change if an uncertain input (a source of uncertainty) changes.
 
-        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
-        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
+        Each source alone changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`.
+        The result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
         (components, k).
         """
 
@@ -132,10 +132,11 @@ class RingEvidence:
 
     @property
     def _of_lowest(self) -> float:
-        """The relative error of the lowest frequency: of the mesh, and of a weight that may hang on a stiff hook.
+        """The standard uncertainty of ln(lowest frequency) due to the mesh and to the suspension of a weight.
 
-        A weight on a thread moves with the tip along gravity only, a fixed weight in all directions. The first is
-        assumed; the second lies at two standard deviations.
+        The frequency is computed for a weight on a thread, which moves with the tip along gravity only. On a stiff hook
+        the weight would move with the tip in all directions. The difference between the frequencies for thread and hook
+        counts as two standard uncertainties.
         """
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 

@@ -100,6 +100,7 @@ class StaticStates:
     Attributes
     ----------
     runs : tuple of StaticRun
+        The runs in which the states were measured.
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float

@@ -121,10 +121,10 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals of the evidence due to a change of each source of uncertainty.
+        """Return how the k residuals of the evidence change if an uncertain input (a source) changes.
 
-        Each source changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`. The
-        result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
+        Each source alone changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`.
+        The result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
         (components, k).
         """
         parts = [one.effects(sources) for one in self.evidence]
@@ -186,10 +186,10 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum due to a change of each source of uncertainty.
+        """Return how the m unknowns at the optimum change if an uncertain input (a source of uncertainty) changes.
 
-        Each source changes by its standard uncertainty. effects: see `Problem.effects`. The result has the same keys.
-        Each entry has one row for each component of the source (`Source.parts`), shape (components, m).
+        Each source alone changes by its standard uncertainty. effects: see `Problem.effects`. The result has the same
+        keys. Each entry has one row for each component of the source (`Source.parts`), shape (components, m).
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}

@@ -245,9 +245,10 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times in s at which the integration steps end; they are close together after a change of the load.
+    """Return the times in s at which the integration steps end, between the times ``first`` and ``last`` of two loads.
 
-    The result includes all times in ``wanted``.
+    The times are close together after the load at ``first`` begins, and include all times in ``wanted``. They are
+    closer together for the last load (``is_last``).
     """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE

@@ -233,8 +233,9 @@ def result_of(
         Range of times in s that the data cover.
     sources : mapping of str to float
         Standard uncertainties by the keys of `SOURCES`.
-    steps : mapping of str to ndarray
-        Changes of the unknowns by these uncertainties, see `TimeOptimum.steps`.
+    effects, steps : mapping of str to ndarray
+        Changes of the residuals (``effects``) and of the unknowns (``steps``) by these uncertainties, see
+        `Problem.effects` and `TimeOptimum.steps`.
     load_sigmas : mapping of str to float
         Relative standard uncertainties of the magnetic loads, see `relative_load_sigmas`.
     draws, draws_fit : ndarray, shape (D, m)

@@ -305,12 +305,12 @@ class RingTable:
         return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of ln(frequency) of three modes due to a change of each source of uncertainty.
+        """Return how ln(frequency) of three modes changes if an uncertain input (a source of uncertainty) changes.
 
         Parameters
         ----------
         sources : mapping of str to float
-            Standard uncertainties by the keys of `SOURCES`. Each source changes by its standard uncertainty.
+            Standard uncertainties by the keys of `SOURCES`. Each source alone changes by its standard uncertainty.
 
         Returns
         -------

@@ -93,7 +93,6 @@ class CreepEvidence:
     ----------
     history : LoadHistory
         The loads over time.
-        The loads over time.
     time_s, rotation, sigma : ndarray, shape (k,)
         Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
     label : str
@@ -146,6 +145,7 @@ class StaticEvidence:
     Attributes
     ----------
     beam : RingingBeam
+        The specimen, with its law.
     runs : tuple of (LoadHistory, ndarray)
         For each run, the loads of its states over time, and the time at which the edges of each state were measured.
         The beam is at rest before the first load of each run.
@@ -186,15 +186,15 @@ class StaticEvidence:
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidate laws, (P,).
 
-        The fit uses the states that are computed for the candidate.
+        The fit treats the static states that the beam would show with the viscoelastic candidate as elastic.
         """
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return the logarithm of the shear modulus of an elastic fit, (P,), for the rotations of the tip in each run.
+        """Return the logarithm of the shear modulus of an elastic fit to given rotations of the tip, (P,).
 
-        rotations: those of `histories` for P candidate laws, (P, states) in rad.
+        rotations: for each run, the rotations at the times in `histories` for P candidate laws, (P, states) in rad.
         """
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
@@ -261,6 +261,7 @@ class SlowEvidence:
     Parameters
     ----------
     creeps : sequence of CreepEvidence
+        The recordings of creep.
     static : StaticEvidence or None
         The static states, if there are any. Either creep or static states are needed.
     """

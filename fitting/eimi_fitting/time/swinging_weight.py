@@ -8,8 +8,9 @@ displacement c y of its thread's upper end, and the masses M of the moving beam 
     M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,    w = g / length of the thread,
 
 where k is the complex stiffness of the beam. The squares lambda_1 and lambda_2 of the complex angular frequencies are
-the eigenvalues of a symmetric matrix with the determinant w k / M. The weight has no loss, so that the share of the
-beam in vibration i is p_i = Im lambda_i / (Im lambda_1 + Im lambda_2). The weight has the other share, and
+the eigenvalues of a symmetric matrix with the determinant w k / M. The weight itself loses no energy. The share of the
+beam in the kinetic energy of vibration i is therefore p_i = Im lambda_i / (Im lambda_1 + Im lambda_2), the weight has
+the other share, and
 
     w = p_2 Re lambda_1 + p_1 Re lambda_2,    k / M = lambda_1 lambda_2 / w.
 
@@ -42,11 +43,11 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 
 
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
-    """Return the fit of two close vibrations; None if they do not describe the motion much better than one.
+    """Return the fit of two close vibrations; None if they do not describe the motion much better than one vibration.
 
-    The result is also None if the frequency stays the same from window to window, but the two
-    vibrations, which are close to each other, would have far more loss than the first window. Then something else
-    takes energy from the beam.
+    The result is also None if something else than a swinging weight takes energy from the beam. This is assumed if the
+    frequency is the same in the first two time windows, but the loss factor of the beam that follows from the two
+    vibrations (`of_beam`) is far larger than the loss factor in the first window.
 
     fitted: the fit of one vibration to the frames in which the beam moves freely; windows: the time windows of these
     frames.
@@ -85,6 +86,7 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
     mode : ndarray, shape (2,)
         Logarithm of the angular frequency, and loss factor.
     covariance : ndarray, shape (2, 2)
+        Covariance matrix of these two numbers.
     """
     at = two.modes.ravel()
     mode = _alone(at)
@@ -106,7 +108,7 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the shares of the beam in the two vibrations, (2,); for the argument see `_squares`."""
+    """Return the shares p_i of the beam in the energy of the two vibrations, (2,); for the argument see `_squares`."""
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())
 

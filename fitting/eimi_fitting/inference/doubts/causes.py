@@ -1,4 +1,4 @@
-"""Compute the probabilities of the possible causes (errors of the bench) of the residuals of a fit.
+"""Compute how probable it is that a possible error of the bench (a cause) has caused the residuals of a fit.
 
 The probabilities are computed with linear Gaussian models.
 
@@ -17,7 +17,7 @@ model.
 
 The evidence p(r | H) is the probability density of the residuals. It has a closed form for a linear Gaussian model. Let
 L = sigma^2 tau + eta^2 G, let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L)
-r. For normal priors,
+r, where a prime denotes the transpose. For normal priors,
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
 

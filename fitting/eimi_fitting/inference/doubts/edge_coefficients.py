@@ -71,10 +71,11 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of N coefficients in mm^2, (N,), due to an error that is smooth along the edges.
+        """Return the variance of N coefficients in mm^2, (N,), due to errors that are as large as given changes.
 
-        ``moves`` has C changes of the N coefficients in mm, shape (C, N). The variance is ``error``, times the mean
-        square of the coefficients in ``moves`` in each experiment, summed over the C changes.
+        ``moves`` has C changes of the N coefficients in mm, shape (C, N). Each change stands for one error, which is
+        smooth along the edges. Its size in an experiment is the root mean square of the coefficients of the change. The
+        variance is ``error`` (the variance for 1 mm) times the sum of the squared sizes.
         """
         parts, first = [], 0
         for basis in self.bases:

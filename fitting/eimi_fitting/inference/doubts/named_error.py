@@ -6,8 +6,9 @@ hundreds of per cent wide. If the residuals were noise of independent points, th
 change of the modulus by the cause.
 
 If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals that remain
-with the most probable causes. If the interval does not contain the change of the modulus by these causes, this change
-widens it, as the 95 % bound of a normal error does. The value of the modulus stays that of the fit without the causes.
+with the most probable causes. If the interval does not contain the change of the modulus by these causes, the interval
+is widened: the change counts as the 95 % bound of a further normal error. The value of the modulus stays the value of
+the fit without the causes.
 """
 
 from __future__ import annotations

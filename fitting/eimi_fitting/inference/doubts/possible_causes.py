@@ -118,10 +118,12 @@ class PossibleCause:
 
 
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds deviations of inputs to the assumptions of a fit, in proportion to error sizes.
+    """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
 
-    An amplitude is the size of one part of an error of the bench. Each of ``parts`` belongs to one amplitude, and maps
-    (source, index of a part of the source) to the deviation for an amplitude of 1.
+    The function takes the assumptions and the amplitudes of a cause (an error of the bench). Each amplitude is the size
+    of one part of the error, and each of ``parts`` belongs to one amplitude. The keys of a part are pairs: a source (a
+    key of `SOURCES`), and the index of an uncertain number of this source. The values are the deviations of these
+    numbers for an amplitude of 1. The deviations are proportional to the amplitude.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -181,9 +183,9 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return x and y in mm, (2,), of the lens axis in the plane of the beam, or of the middle of the measured points.
+    """Return the point (x, y) at which the axis of the lens meets the plane of the beam, (2,) in mm.
 
-    The middle is used if the axis is not known; points that the fit does not use are left out.
+    If the axis is not known, return the middle of the measured points that the fit uses.
     """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:

@@ -1,4 +1,4 @@
-"""Compute the changes of the residuals of a fit by the possible errors of a bench (the signatures of the causes).
+"""Compute how each possible error of a bench (a cause) changes the residuals of a fit: the signature of the cause.
 
 A cause has one or several amplitudes. The signature is the change of the residuals in mm divided by the amplitude. The
 signature is a finite difference, computed with the planar model on the coarse mesh of the search. The model is not

@@ -26,8 +26,10 @@ def without_twist(
 ) -> Experiment:
     """Return an experiment with the edges that a camera would see without the twist of the beam.
 
-    A section of width w and depth d that is turned by phi about the middle line has the apparent width w cos phi + d
-    |sin phi|. Both edges therefore move inward by half of the increase.
+    At each place on the middle line, the twist phi is ``angle_deg`` times the twist for a unit angle, computed by
+    `beam.twist`. A section of width w and depth d that is turned by phi has the width w cos phi + d |sin phi| in the
+    picture. The twist thus makes the picture of the beam wider by w (cos phi - 1) + d |sin phi|. Each edge is moved
+    inward by half of this increase.
 
     Parameters
     ----------
@@ -41,8 +43,9 @@ def without_twist(
     parameters : ndarray, shape (1, n)
         The n parameters of the law.
     angle_deg : float
-        Angle of the magnetisation to the plane of the picture in degrees. A negative angle moves the edges in the
-        opposite direction.
+        Angle of the magnetisation to the plane of the picture in degrees. The true increase does not depend on the
+        sign of the angle. For a negative angle, d |sin phi| is nevertheless subtracted, so that the edges move outward
+        and the displacement is nearly proportional to the angle, as the comparison of causes requires.
     """
     specimen, observed = bent.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:
@@ -69,7 +72,7 @@ def without_twist(
 
 
 def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist of the magnet in K states, (K,), divided by the angle of the magnetisation to the plane.
+    """Return the twist of the beam at the magnet in K states, (K,), divided by the angle of the moment to the plane.
 
     The parameters are those of `without_twist`. The result is None without a magnet or without an equilibrium.
     """
@@ -78,9 +81,10 @@ def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array |
 
 
 def _twisted(bent: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
-    """Return places on the middle line in mm (K, S, 2), and the twist there (K, S) divided by the angle of the moment.
+    """Return S places on the middle line in K states, (K, S, 2) in mm, and the twist of the beam at them, (K, S).
 
-    The S stations lie between the clamp and the magnet. The result is None without a magnet or without an equilibrium.
+    The twist is divided by the angle of the magnet's moment to the plane of the picture. The places lie between the
+    clamp and the magnet. The result is None without a magnet or without an equilibrium.
     """
     specimen = bent.model.specimen
     if specimen.magnet is None:

@@ -215,8 +215,8 @@ class Weighing:
         """Return the mean square, divided by the noise variance, of the part of ``y`` that is not explained.
 
         ``y`` describes minus the residuals by the coefficients of polynomials along each edge, in mm
-        (`inference.doubts.edge_coefficients`). The changes of the law and the sizes of the errors of the bench,
-        ``amplitudes``, explain a part of ``y``.
+        (`inference.doubts.edge_coefficients`). The explained part of ``y`` follows from ``amplitudes``: the changes of
+        the law, and the size of each error of the bench.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 

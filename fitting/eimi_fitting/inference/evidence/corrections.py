@@ -10,7 +10,7 @@ costs little more than one candidate on the better model. The changes R - r of s
 of the change of the optimum remains uncertain. This share counts as the 95 % bound of a normal error in the interval.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
-the displacement at the distance r from the corner grows as r^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
+the displacement at the distance d from the corner grows as d^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
 lambda solves sin^2(pi lambda / 2) = 1 - lambda^2). Quantities of the whole beam therefore converge as h^1.19 in the
 element size h, for elements of any order; 1.19 is twice the exponent. Halving h removes the share 1 - 2^-1.19 of the
 error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,

@@ -398,8 +398,8 @@ class Unknowns:
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group: the indices of its candidates, and for each dataset the deviations, one array (parts,) for
-            each source.
+            For each group: the indices of its candidates, and one dictionary for each dataset. A dictionary maps the
+            source (a key of `SOURCES`) of each freed input to the deviations of its parts, shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 

@@ -75,7 +75,7 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """D random draws of the error of an optimum of n unknowns, due to noise and to errors of S uncertain inputs.
+    """D random errors of an optimum with n unknowns, caused by noise and by errors of S uncertain inputs.
 
     Parameters
     ----------

@@ -372,7 +372,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return the unknowns of P candidates in physical units, as one array (P,) for each name.
+    """Return the unknowns of P candidates in physical units: a dictionary of arrays (P,) by the names of the unknowns.
 
     ``units`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
     """

@@ -188,7 +188,8 @@ class Candidates:
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the change of the goal quantity in per cent for one standard uncertainty of each uncertain input.
 
-        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
+        The keys are the names of the inputs. The goal quantity is the modulus or the parameter of the law whose
+        interval is to be narrow.
         """
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
@@ -334,10 +335,10 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the error of the edges due to the mesh, in mm, (K, 2, m).
+    """Return the error of the edges due to the mesh as a dictionary with one entry; empty without an equilibrium.
 
-    There are m points on each of 2 edges in K states. The result is a dictionary with one key, the name of a finer mesh
-    (`FINER_MESH`). It is empty without an equilibrium.
+    The key is the name of the refinement `FINER_MESH`. The value is the standard deviation of the error in mm, shape
+    (K, 2, m), for m points on each of 2 edges in K states.
     """
     mesh_correction = correction(
         FINER_MESH,

@@ -137,9 +137,11 @@ def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> 
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return the unknowns with bounds that contain S moduli, and S candidates in unit coordinates (0 to 1).
+    """Return one candidate for each of S moduli, and the unknowns with bounds that contain all S moduli.
 
-    The candidates have the shape (S, n) for n unknowns.
+    The first result is the unknowns of the fit. The bounds of their first coordinate, the modulus, are replaced. The
+    second result is the candidates in unit coordinates (0 to 1 within these bounds), (S, n) for n unknowns. Every other
+    coordinate of the law is in the middle of its range.
     """
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
@@ -149,7 +151,11 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return c = mu u / L in Pa for a stiff beam: modulus mu, length L, largest displacement u of at most 0.001 L."""
+    """Simulate a stiff beam, and return the number c = mu u / L in Pa, from which the range of moduli is computed.
+
+    mu is the shear modulus, L the length and u the largest displacement. mu is raised until u is at most 0.001 L,
+    because c is the same for all stiff beams under the same loads.
+    """
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
