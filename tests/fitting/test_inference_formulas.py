@@ -700,17 +700,19 @@ def test_the_deviance_of_a_profile_is_zero_at_the_optimum_and_infinite_for_an_in
 
 
 @pytest.mark.parametrize(
-    ("remaining", "unit", "not_fixed", "at_bound"),
+    ("remaining", "unit", "high_Pa", "not_fixed", "at_bound"),
     [
-        ((0.9, 0.9), (0.5, 0.4), ("mu",), ()),
-        ((0.1, 0.9), (0.0005, 0.4), (), ("mu",)),
-        ((0.1, 0.1), (0.9995, 0.0), (), ("mu",)),
+        ((0.9, 0.9), (0.5, 0.4), 2.1e4, ("mu",), ()),
+        ((0.1, 0.9), (0.0005, 0.4), 2.1e4, (), ("mu",)),
+        ((0.1, 0.1), (0.9995, 0.0), 2.1e4, (), ("mu",)),
+        ((0.1, 0.1), (0.5, 0.4), 9e4, ("mu",), ()),  # the interval of the modulus is open
     ],
 )
 def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
     monkeypatch: pytest.MonkeyPatch,
     remaining: tuple[float, float],
     unit: tuple[float, float],
+    high_Pa: float,
     not_fixed: tuple[str, ...],
     at_bound: tuple[str, ...],
 ) -> None:
@@ -734,7 +736,7 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
         covariance,
         np.array(remaining),
         Ends(np.zeros(2), np.ones(2), (1,)),
-        Quantity(2e4, "Pa", (1.9e4, 2.1e4), (1.9e4, 2.1e4)),
+        Quantity(2e4, "Pa", (1.9e4, high_Pa), (1.9e4, high_Pa)),
     )
     slopes, of_covariance, is_open_coordinate = given["held"]
     np.testing.assert_allclose(slopes, [[2e4, 0.0]], rtol=1e-9)
