@@ -200,7 +200,10 @@ def run_tests(
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on a copy of the project in a new process, in which only third-party packages are already loaded."""
+    """Run pytest on a copy of the project in this new process, in which only third-party packages are already loaded.
+
+    transcript: the file that receives the output of pytest. tests: the tests. test_limit_s: time limit of a test, s.
+    """
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
     sys.path[:] = [*folders, *(path for path in sys.path if path not in ("", str(PROJECT)))]

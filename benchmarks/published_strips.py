@@ -98,7 +98,11 @@ CORNERS_OF_SPINE = """
 
 
 def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
-    """Write the tables of one body and import them; return the path of the dataset."""
+    """Write the tables of one body and import them; return the path of the dataset.
+
+    name: name of the files. specimen: text of the specimen file. corners: rows of the table of points, in which the
+    points are the corners of the body.
+    """
     texts = {"toml": specimen, "points.csv": HEADER + corners, "states.csv": "state,field_mT\n0,0\n"}
     paths = {end: folder / f"{name}.{end}" for end in (*texts, "h5")}
     for end, text in texts.items():

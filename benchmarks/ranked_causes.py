@@ -188,7 +188,7 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines of text that say in how many fits each condition is met."""
+    """Return lines of text with numbers of fits: how often the true cause is ranked first or second, and others."""
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),
@@ -201,7 +201,7 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a table in Markdown with one row for each imperfection."""
+    """Return a table in Markdown with one row for each imperfection: ranks, errors, intervals, doubts."""
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]

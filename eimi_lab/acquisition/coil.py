@@ -47,7 +47,7 @@ MEASURED_AGAIN_AFTER_S = 0.2
 
 
 def without_contact(supply: object) -> str:
-    """Return a text of the driver: what the output of the supply does if the cable is pulled or the computer fails."""
+    """Return what the output of the supply does if the cable is pulled or the computer fails, as its driver says."""
     return str(
         getattr(
             supply,

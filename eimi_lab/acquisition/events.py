@@ -336,7 +336,7 @@ class OffNotConfirmed(Event):
 
     `reason` is a text for a person. `current_A` and `limit_A` are the measured current and the limit with which the
     current was compared; null if no current was measured. `trying_process` is the number of the process that continues
-    to try; null if no process tries. The other fields have the same meaning as in `off_confirmed`.
+    to try; null if no process tries. `by`, `takeover` and `run_killed` have the same meaning as in `OffConfirmed`.
     """
 
     event: ClassVar[str] = "off_not_confirmed"

@@ -26,8 +26,9 @@ LINE_ENDS = {
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
     """Send the messages of a conversation one after the other, and assert that every answer is the expected one.
 
-    The entry SETTLE instead of a message waits for 5 s of simulated time. The entry TRIP lets a protection switch the
-    output off.
+    In place of a message, SETTLE waits for 5 s of simulated time, and TRIP lets a protection switch the output off.
+    dialect: name of the supply's driver, which determines the ends of the messages. instrument: the emulated supply,
+    which answers messages. coil: the model of this supply and its coil.
     """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):

@@ -47,7 +47,7 @@ def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndar
     """Return the integral of psi(F) + p (J - 1) over the element; its derivatives at a fixed pressure are the forces.
 
     psi is the energy of the law, F the deformation gradient, J its determinant and p the pressure. In plane stress
-    there is no pressure.
+    there is no pressure. ops: the shape functions of the element. batch: the law. nodal: displacements of the nodes.
     """
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value

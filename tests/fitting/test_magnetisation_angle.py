@@ -58,7 +58,10 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return the estimate of a fit without a search, which starts at a modulus that is 10 % too large."""
+    """Return the estimate of a fit to the edges of `experiment`; the fit starts at a modulus that is 10 % too large.
+
+    The parameters are those of `experiment`.
+    """
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))

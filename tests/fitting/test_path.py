@@ -35,7 +35,7 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Solve each stable set of parameters in 12, 6, 4, 3 and 2 load steps, and compare with 72 steps.
+    """Solve each stable set of parameters of the law `name` in 12, 6, 4, 3 and 2 load steps, and compare with 72.
 
     Return how many solutions reach another equilibrium, how many fail, and how many there are.
     """
@@ -112,7 +112,7 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Solve each set of parameters of a solid beam in 6 and in 3 load steps, and compare with 24 steps.
+    """Solve a solid beam with each set of parameters of the law `name` in 6 and in 3 load steps; compare with 24.
 
     Return how many solutions reach another equilibrium, how many fail, and how many there are.
     """

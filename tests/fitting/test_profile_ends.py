@@ -21,9 +21,10 @@ HALF = np.array([0.05, 0.1])
 
 
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
-    """Return a deviance that is a sum of one function of each coordinate, with half its gradient.
+    """Return a function from candidates to their deviances and half of the gradients of the deviances.
 
-    Each function takes the distances of a coordinate from the optimum.
+    A deviance is the sum of `parts`, one function for each coordinate, which takes the distance of this coordinate from
+    the optimum.
     """
 
     def deviance(units: Array) -> tuple[Array, Array]:

@@ -33,7 +33,10 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the equilibrium of a neo-Hookean body under dead nodal forces, applied in `steps` equal steps."""
+    """Return the equilibrium of a neo-Hookean body under dead nodal forces, applied in `steps` equal steps.
+
+    force: forces (x, y) on the n nodes, shape (n, 2). mu, bulk: shear modulus and bulk modulus.
+    """
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
     for k in range(1, steps + 1):

@@ -88,7 +88,7 @@ class CreepingRod:
         return new
 
     def hold(self, field_mT: float, seconds: float) -> tuple[Array, Array]:
-        """Change the field at once, keep it, and return the slow motion: m times (m,) in s and coordinates (m, n).
+        """Change the field at once, keep it for `seconds`, and return the creep: times (m,), s, and coordinates (m, n).
 
         The first time is 0, and its coordinates are those after the elastic response to the change.
         """
@@ -132,7 +132,7 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once, keep it, and return the motion at m times, (m, n), and the rate of the vibration.
+        """Change the field at once, keep it for `seconds`, and return the motion (m, n) and the rate of the vibration.
 
         The rate (complex, 1/s) changes with the creep; the rate at which the vibration has become nine times smaller is
         returned. times_s: the times after the change, (m,). vibrates: whether the motion contains the vibration;

@@ -37,7 +37,10 @@ def _noisy(deviation: float) -> Change:
 
 
 def _lit_from(direction: tuple[float, float]) -> Change:
-    """Return a function that multiplies the brightness of a picture by 0.5 at one side and 1.3 at the other side."""
+    """Return a function that multiplies the brightness of a picture by 0.5 at one side and 1.3 at the other side.
+
+    direction: from the dark side to the bright side, to the right and down in the picture.
+    """
 
     def change(image: Image) -> Image:
         high, wide = image.shape[:2]

@@ -69,7 +69,7 @@ def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray
 def principal_stress(name: str, stretches: np.ndarray) -> np.ndarray:
     """Return the principal nominal stresses, shape (3,), of an incompressible body whose third pair of faces is free.
 
-    stretches: the three principal stretches.
+    name: the law. stretches: the three principal stretches.
     """
     _, tau, _ = LAWS[name].principal(np.array(LAW_EXAMPLES[name]), stretches)
     return np.asarray((tau - tau[2]) / stretches)
@@ -106,7 +106,8 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
     """Twist a cube with side 1 about z by rotating its surface; return the inner error and the relative torque.
 
     The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque
-    divided by the exact torque of a neo-Hookean cube. twist: angle (rad) for each unit of z. Pure torsion of an
+    divided by the exact torque of a neo-Hookean cube. name: the law. divisions: number of elements along a side. twist:
+    angle (rad) for each unit of z. Pure torsion of an
     isotropic, incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R. Soc. A 241:379).
     For a neo-Hookean square of side a, the shear stress is mu twist r and the torque is mu twist a^4 / 6.
     """
@@ -144,10 +145,11 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
     """Inflate a thick cylinder in plane strain; return the errors of inner radius, displacement and pressure.
 
-    The cylinder has inner radius 1 and outer radius 2, and one layer of elements in depth. stretch: inner radius after
-    the inflation. With the stretches la at the inner and lb at the outer radius, the exact load is p / mu = ln(la / lb)
-    + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic Deformations, 5.3.3). The error of the inner radius is relative;
-    the errors of displacement and pressure are L2 norms.
+    The cylinder has inner radius 1 and outer radius 2, and one layer of elements in depth. divisions: number of
+    elements across the wall. stretch: inner radius after the inflation. With the stretches la at the inner and lb at
+    the outer radius, the exact load is p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic
+    Deformations, 5.3.3). The error of the inner radius is relative; the errors of displacement and pressure are L2
+    norms.
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))

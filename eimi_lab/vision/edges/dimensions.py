@@ -153,9 +153,9 @@ def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: fl
     """Return the relative increase of the bending stiffness of a twisted box in the plane of the image.
 
     If a section is turned by φ about the axis of the box, a bending moment M acts about both principal axes of the
-    section. The curvature in the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2) with I1/I2 = (width/depth)².
-    With φ² in place of sin² φ, and averaged over a turn that grows evenly from the root to the tip, the relative
-    increase is
+    section. The curvature in the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2), where E is Young's modulus,
+    and I1 and I2 are the second moments of area about the two axes, with I1/I2 = (width/depth)². With φ² in place of
+    sin² φ, and averaged over a turn that grows evenly from the root to the tip, the relative increase is
 
         1 / (1 - m (1 - (width/depth)²)) - 1,    m = (root² + root · tip + tip²) / 3,
 

@@ -120,8 +120,8 @@ def test_calculix_uses_the_volume_term_that_the_card_contains(tmp_path: Path, ro
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
     """Return the engineering stress (Pa) of a compressible material in uniaxial tension, whose sides carry no stress.
 
-    pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative of the card's volume energy
-    (Pa).
+    chosen: the material. pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative of the
+    card's volume energy (Pa). stretch: the stretch along the tension.
     """
 
     def kirchhoff(side: float) -> np.ndarray:
