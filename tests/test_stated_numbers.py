@@ -328,11 +328,13 @@ eimi_drivers.supplies.visa open_visa stop_bits 1
 eimi_drivers.testing.supply_bench energise current_A 0.7
 eimi_drivers.testing.supply_bench supply_bench answer_within_s 5.0
 eimi_drivers.testing.supply_checks check_supply answer_within_s 5.0
+eimi_fitting.inference.interval.budget Moves further 0.0
 eimi_fitting.inference.interval.budget units of_noise 1.0
 eimi_fitting.inference.interval.budget units of_sources 1.0
 eimi_fitting.inference.interval.covariance covariance widened 1.0
 eimi_fitting.inference.interval.cross_validation held_out_error_mm folds 5
 eimi_fitting.inference.interval.draws draw_parameters seed 1
+eimi_fitting.inference.interval.estimate estimate shift_percent 0.0
 eimi_fitting.inference.interval.identifiability Identifiability model_mm 0.0
 eimi_fitting.inference.interval.identifiability Identifiability stated_squares 0.0
 eimi_fitting.inference.interval.identifiability statement priors False
