@@ -278,7 +278,10 @@ def test_a_camera_with_few_features_is_read_as_far_as_possible(bench: Bench) -> 
         (CameraSettings(gain=3.0), r"gain = 3\.0: this camera has no Gain"),
         (CameraSettings(exposure_s=0.01), r"exposure_s = 0\.01: this camera has no ExposureTime or ExposureTimeAbs"),
         (CameraSettings(region=(8, 0, 320, 200)), r"region = \(8, 0, 320, 200\): this camera has no OffsetX"),
-        (CameraSettings(trigger=SOFTWARE), r"trigger = 'software' must be one of the sources of this camera: none"),
+        (
+            CameraSettings(trigger=SOFTWARE),
+            r"trigger = 'software' must be one of the trigger sources of this camera: none",
+        ),
     ):
         with pytest.raises(SetPointRefused, match=rf"^camera S1: {message}$"):
             GenTLCamera("S1", wanted)
@@ -301,7 +304,7 @@ def test_a_camera_of_the_older_standard_has_other_names_for_its_features(bench: 
     settings = GenTLCamera("S1", CameraSettings(exposure_s=0.001, frame_rate_Hz=20.0)).settings
     assert ("ExposureTimeAbs", 1000.0) in bench.nodes.written
     assert (settings.exposure_s, settings.frame_rate_Hz, settings.row_time_s) == (0.001, 20.0, 0.0)
-    with pytest.raises(SetPointRefused, match="must be one of the sources of this camera: none"):
+    with pytest.raises(SetPointRefused, match="must be one of the trigger sources of this camera: none"):
         GenTLCamera("S1", CameraSettings(trigger="Line1"))
     assert GenTLCamera("S1").settings.trigger is None
 

@@ -159,7 +159,7 @@ def bulk_ends(
     problem: Any = SimpleNamespace(
         evaluate=evaluate, unknowns=SimpleNamespace(searched=2, space=SimpleNamespace(has_bulk=has_bulk))
     )
-    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(shapes=None)))
+    optimum: Any = SimpleNamespace(evaluation=SimpleNamespace(comparison=SimpleNamespace(near=None)))
     found = Ends(np.array([0.4, 0.2]), np.array([0.6, high]), (0,))
     monkeypatch.setattr(estimate, "interval_ends", lambda *arguments: found)
     half_width = np.array([0.1, 0.2])  # the square of 0.2, divided by the inverse 1 / 25, is the target 1
