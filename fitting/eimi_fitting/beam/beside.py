@@ -347,7 +347,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the depth effect of the first similar candidate with the same law and planar shape, or None.
+    """Return the first of ``options.similar`` whose candidate has the same law and planar shape, or None.
 
     The depth effect is the shape of the solid model minus the shape of the planar model.
     """

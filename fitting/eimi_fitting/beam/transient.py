@@ -273,7 +273,8 @@ class Transient:
 
         ``nodes`` and ``rigid`` are the computed displacements. ``fading`` and ``share`` are the factors exp(-dt /
         tau_i) and g_i a_i of the module `beam.transient`. ``stiffness`` is the ratio of the modulus in this step to the
-        instantaneous modulus.
+        instantaneous modulus. ``gamma`` is the weight of the new acceleration in the change of the velocity, and
+        ``accelerations`` the function that computes new accelerations (both of the generalised-alpha method).
         """
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness

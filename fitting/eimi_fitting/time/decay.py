@@ -363,9 +363,9 @@ def _segment(
 
 
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
-    """Return whether the amplitude rises from a third to its next maximum within 1.5 periods, as after a push.
+    """Return whether the amplitude rises from a third of its next maximum to this maximum within 1.5 periods.
 
-    If two vibrations beat, the amplitude rises more slowly.
+    Such a rise is the sign of a push. If two vibrations beat, the amplitude rises more slowly.
 
     size: the amplitude in n frames, (n,); at: number of a frame in which the amplitude rises; period: in frames.
     """

@@ -133,7 +133,10 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
 
 
 def _largest_loss(windows: Sequence[Window]) -> float:
-    """Return the mean loss factor of several time windows, plus two standard uncertainties of this mean."""
+    """Return an upper limit of the mean loss factor of several time windows.
+
+    The limit is the mean plus two standard uncertainties of the mean.
+    """
     weights = np.array([window.loss_sigma for window in windows]) ** -2.0
     mean = float(np.array([window.loss for window in windows]) @ weights / weights.sum())
     return mean + 2 / float(np.sqrt(weights.sum()))

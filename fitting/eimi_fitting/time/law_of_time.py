@@ -206,8 +206,8 @@ class TimeOptimum:
     def with_free_load(self) -> TimeOptimum:
         """Return the optimum of the fit if the magnetic moment is unknown.
 
-        The logarithm of the factor on the magnetic loads then has the prior standard deviation `FREE_LOAD`. The
-        least-squares fit starts at the present optimum.
+        The logarithm of the factor on the magnetic loads then has the prior standard deviation `FREE_LOAD`, which is
+        used if no file states the uncertainty of the moment. The least-squares fit starts at the present optimum.
         """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)

@@ -75,7 +75,7 @@ class LoadCurve:
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the curve with nodes at equal distances."""
+        """Return the same curve, given by moments at equally spaced rotations."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0])
 

@@ -160,7 +160,10 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether frequency and loss factor change with the amplitude by no more than in a free vibration of a beam."""
+        """Whether frequency and loss factor change so little with the amplitude that a free vibration can explain it.
+
+        The largest such changes are ``_MOST_BEND``.
+        """
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:

@@ -110,7 +110,7 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations that would be measured for true rotations of the tip; both have any shape, rad."""
+        """Return the rotations that would be measured if the tip turned by ``true``; both have any shape, in rad."""
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -124,7 +124,10 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the k residuals for true rotations of the tip of P candidate laws at the k times, (P, k) in rad."""
+        """Return the k residuals of P candidate laws, (P, k), from the computed rotations of the tip.
+
+        true: the rotations at the k times, (P, k) in rad.
+        """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
         sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))

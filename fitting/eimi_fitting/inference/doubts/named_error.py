@@ -107,7 +107,11 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
 def _with(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the problem with changes of its residuals in mm, (K, G, m) for each experiment, and its optimum."""
+    """Add changes to the residuals of a problem and of its optimum, and return both.
+
+    ``changes`` has the changes in mm for each experiment, with the shape (K, G, m) for G groups (edges, or x and y) of
+    m points in K states.
+    """
     experiments = tuple(
         replace(e, change=change if e.change is None else e.change + change)
         for e, change in zip(problem.experiments, changes, strict=True)

@@ -99,7 +99,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
         """Return x and y (b, n) of the vector in ``of_segment`` that belongs to the segment nearest to each point.
 
-        Two arrays are faster than sums over an axis of length two.
+        x and y are separate arrays, because operations on an array with an axis of length two are slower.
         """
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
@@ -110,7 +110,11 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return x and y of the vector from each point to the place ``xi`` of its segment, and of the tangent."""
+        """Return the vector from each point to the place ``xi`` on its segment, and the tangent at this place.
+
+        xi is -1 at the first point of the segment, 0 at the second and 1 at the third. The results are x and y of the
+        vector, then x and y of the tangent, (b, n) each.
+        """
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)

@@ -218,7 +218,10 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect of important inputs on the modulus, with usual uncertainties where no file gives one."""
+    """Return the effect on the modulus of each important input whose uncertainty no file states.
+
+    The effect is computed for the usual uncertainty of the input.
+    """
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))

@@ -353,11 +353,11 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the weight w of the squared slopes of one simulated edge point in the information, in 1/mm^2.
+    """Return the factor w of the matrix w sum J'J in 1/mm^2, if the sum is over the points of simulated edges.
 
-    The simulated edges have another number of points than the measured edges. The weight is therefore the inverse
-    variance of an independent point, times the number of independent measured points, divided by the number of
-    simulated points.
+    J are the derivatives of these points, and the matrix is the information of a measurement. The simulated edges have
+    another number of points than the measured edges. The factor is therefore the inverse variance of an independent
+    point, times the number of independent measured points, divided by the number of simulated points.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 

@@ -77,7 +77,10 @@ class Rivals:
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC for the states ``choice`` if the first law is true."""
+        """Return the expected difference between the AIC of the two laws in the states ``choice``.
+
+        The first law is assumed true.
+        """
         return 1 / float(self.variance(choice[None])[0])
 
 
