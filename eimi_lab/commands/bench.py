@@ -100,8 +100,9 @@ def emulate(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="fault to imitate, such as silence, swap or drift; --faults lists all faults and describes what each "
-            "one does",
+            help="fault of the supply, of the coil or of the connection; --faults describes what each fault does: "
+            "silence, sleep, garbage, partial, slow, drop, disconnect, reenumerate, swap, shorted, drift, fallen, "
+            "offset, locked, hunting, trip or brownout",
         ),
     ] = None,
     after: Annotated[
