@@ -148,7 +148,10 @@ def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
         steep[top : top + rows, left : left + columns] = steepness >= EDGE_SHARE * steepest
     side = 2 * EDGE_BAND_PX + 1
     first, last = max(parts[0][0] - EDGE_BAND_PX, 0), parts[-1][0] + STRIP_ROWS + EDGE_BAND_PX
-    steep[first:last] = cv2.dilate(steep[first:last], np.ones((side, side), np.uint8))
+    left = max(min(left for _, left, _ in parts) - EDGE_BAND_PX, 0)
+    right = max(left + steepness.shape[1] for _, left, steepness in parts) + EDGE_BAND_PX
+    around = steep[first:last, left:right]
+    around[:] = cv2.dilate(around, np.ones((side, side), np.uint8))
     return steep.view(np.bool_)
 
 
