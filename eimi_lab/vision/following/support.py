@@ -26,8 +26,8 @@ _SHARPEST = 0.5  # rad: a beam of the largest allowed curvature turns by 0.4; a 
 _LEVER = 1.5  # widths before a gap that determine the direction
 _SHORTEST = 0.2  # widths: a shorter run of sure stations is rejected
 _NOTCH = 0.25  # widths: a shorter gap of one edge, beside which the other edge is sure, is a notch in the same body
-_NOTCH_LEAP = 0.15  # widths by which the width may differ behind a notch
-_LONG = 1.0  # widths: a shorter run of sure stations does not show that the body continues beside a sure edge
+_BESIDE_LEAP = 0.15  # widths by which the width may differ behind a gap beside which the other edge is sure
+_LONG = 0.6  # widths: a shorter chain does not show how the body continues beside a sure edge
 _LEAP = 0.1  # widths by which the width may differ behind a gap
 _ASIDE = 0.12  # widths by which an edge behind a gap may lie beside its straight continuation
 _STRAY = 0.25  # widths that are added to both for each width of the gap
@@ -193,9 +193,9 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     runs. The tolerances of both conditions grow with the length of the gap.
 
     The first condition is not checked if the other edge is sure beside the whole gap, the width is about the same, and
-    either the gap is a notch (shorter than a quarter of a width) or both runs are at least a width long. The other edge
-    and the width then show that the body is the same, also if this body bends strongly. The segments of a soft arm, the
-    folds of a bellows, and stains at one edge cause such gaps.
+    either the gap is a notch (shorter than a quarter of a width) or the chain before the gap is at least 0.6 widths
+    long. The other edge and the width then show that the body is the same, also if this body bends strongly. The
+    segments of a soft arm, the folds of a bellows, and stains at one edge cause such gaps.
 
     These conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
     near the clamp that interrupts a long edge.
@@ -230,8 +230,8 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
             gap = float(np.linalg.norm(seam[begin] - before.end)) / scale
             beside = bool(np.isfinite(width[before.stations[-1] : begin + 1]).all())
             difference = abs(width_ahead - before.width)  # NaN if one of the widths is unknown
-            as_wide = beside and difference < (_NOTCH_LEAP + _STRAY * gap if gap < _NOTCH else _LEAP)
-            as_wide &= gap < _NOTCH or min(len(before), len(run)) >= long
+            as_wide = beside and difference < _BESIDE_LEAP + _STRAY * min(gap, _NOTCH)
+            as_wide &= gap < _NOTCH or len(before) >= long
             if as_wide or (not difference >= _LEAP + _STRAY * gap and before.leads_to(ahead, scale)):
                 longest = before.stations
                 break
