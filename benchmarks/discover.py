@@ -57,7 +57,7 @@ class Case:
     noise : float
         Standard deviation of the noise of the tensile test, as a share of the largest stress.
     off : float
-        Largest factor by which Jm, b and alpha of the hidden law differ from the values in the library.
+        Largest factor by which the constants Jm, b and alpha in the terms of the hidden law differ from the library.
     evidence
         The kinds of evidence: the beam alone, the tensile test alone, or both. One discovery is made from each kind.
     """

@@ -68,7 +68,7 @@ class Imperfection:
     cause : str
         The name of the imperfection among the causes of `fits.json`; "none" for the perfect rig.
     words : str
-        The size of the imperfection.
+        The size of the imperfection, in words.
     specimen : callable
         Returns the true specimen, from the specimen in the file.
     loads : callable

@@ -83,7 +83,7 @@ class RingDownStep:
 
 
 def records_steps(protocol: Protocol | None) -> bool:
-    """Return whether a run stores its set-points, because its protocol asks for creep or free oscillations."""
+    """Return whether a run stores its set-points: only if its protocol asks for creep or free oscillations."""
     return protocol is not None and (protocol.creep or protocol.ring_down is not None)
 
 

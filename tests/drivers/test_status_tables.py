@@ -152,7 +152,10 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the query of a status register; `register` is the driver and the index of the register in its profile."""
+    """Return the query of a status register.
+
+    register: name of the driver, and index of the register in the driver's list of registers.
+    """
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
     return profile.registers[place].question.format(channel=1).encode() + b"\n"

@@ -209,7 +209,7 @@ def estimated(law: str, *seen_so: Experiment) -> Estimate:
 def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_truth(off_mm):
     """If a wrong length drives a parameter to a bound, the interval contains the result of a fit with the right length.
 
-    The length is wrong by two standard uncertainties; the parameter is the ratio of the Mooney-Rivlin law.
+    The length is wrong by two standard uncertainties. The parameter is C01 / (C10 + C01) of the Mooney-Rivlin law.
     """
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
     edges = noisy_edges(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
@@ -230,7 +230,7 @@ def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_
 def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
     """If the law itself is wrong and a parameter is at a bound, the uncertain inputs do not shift the interval.
 
-    A Yeoh material drives the ratio of the Mooney-Rivlin law to a bound.
+    A fit of the Mooney-Rivlin law to a Yeoh material drives the parameter C01 / (C10 + C01) to a bound.
     """
     edges = noisy_edges(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
     estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))

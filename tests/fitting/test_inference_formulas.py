@@ -315,8 +315,8 @@ def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
 def test_the_error_of_omitted_states_is_that_of_fits_without_them(states: int, folds: int) -> None:
     """The error of omitted states equals the error of least-squares fits to the other states.
 
-    The error of omitted states is computed by one step from the fit to all states. This step is exact, because the
-    model of this test is linear.
+    The states are divided into at most `folds` groups, and each group is omitted once. The error of omitted states is
+    computed by one step from the fit to all states. This step is exact, because the model of this test is linear.
     """
     rng = np.random.default_rng(states + folds)
     slopes, data = rng.normal(size=(2, states, 5)), rng.normal(size=(states, 5))
