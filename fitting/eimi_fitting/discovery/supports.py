@@ -9,9 +9,10 @@
 
    where delta is the difference between the predictions of the two sets. If one of the two sets is right and the noise
    has unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
-   one-standard-error rule of the same section, with the standard error of the difference between two sums over the same
-   equations. A larger set that contains the right set is preferred to the right set only if |delta| exceeds 3, which is
-   three standard deviations of the noise.
+   one-standard-error rule of the same section, but with 1.5 times the standard error of the difference between two sums
+   over the same equations. A larger set that contains the right set lowers the sum only because it also fits noise, by
+   at most |delta|^2. The right set is therefore rejected only if |delta|^2 > 3 |delta|: if the part of the noise that
+   the larger set fits, |delta|, exceeds three standard deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it, and `upper_coefficients` computes how large each further term could be.
 """

@@ -3,8 +3,10 @@
 A fit assumes the bulk modulus K = 10^4 mu for the shear modulus mu, unless K is an unknown of the fit. Poisson's ratio
 is then 0.49995. A material with Poisson's ratio nu < 1/2 has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a beam
 with this K is simulated, and an incompressible model is fitted to this outline, as in
-`inference.planning.section_bias`. In plane stress the bending of a slender beam depends on Young's modulus E = 2 mu (1
-+ nu) alone, so that the relative error is 2 (1 + nu) / 3 - 1.
+`inference.planning.section_bias`. In plane stress no simulation is needed, because the bending of a slender beam
+depends on Young's modulus E alone. The material has E = 2 mu (1 + nu), and an incompressible law with the modulus
+mu_fit has E = 3 mu_fit. The fit therefore gives mu_fit = 2 mu (1 + nu) / 3, with the relative error
+2 (1 + nu) / 3 - 1.
 """
 
 from __future__ import annotations
