@@ -72,7 +72,7 @@ class RingingBeam:
         The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
     hanging_N : float
         Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only,
-        as on a thread: across gravity the weight is slower than the beam.
+        because it hangs on a thread: across gravity it swings too slowly to follow the vibration of the beam.
     """
 
     specimen: Specimen

@@ -75,7 +75,8 @@ def shown_rotations(
     """Return which rotation `slow_rotations` would measure for each true rotation of the tip of a loaded beam.
 
     `slow_rotations` divides by one displacement per rad. For a beam that is bent by its loads, the displacement per rad
-    changes while the beam creeps. At 50 degrees it changes by 1 % if the rotation changes by 0.1 degrees.
+    changes while the beam creeps. At 50 degrees it changes by 1 % if the rotation changes by 0.1 degrees. Simulated
+    rotations are therefore converted with this result before they are compared with the measured rotations.
 
     Parameters
     ----------

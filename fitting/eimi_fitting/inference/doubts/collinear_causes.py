@@ -44,8 +44,8 @@ def classes(
     Parameters
     ----------
     remaining : ndarray, shape (1 + M, N)
-        The N remaining residuals in units of the noise. The first row belongs to no cause, and each further row to one
-        of M causes alone.
+        The N residuals that remain, in units of the noise. The first row remains if no cause is present, and each
+        further row if only one of the M causes is present.
     amplitudes : sequence of int, length M
         Number of amplitudes of each cause: the sizes of its parts, such as a shift in x and in y.
     evidence : ndarray, shape (M,)

@@ -85,7 +85,9 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the map from residuals to polynomial coefficients, with their variances by noise and unexplained errors.
+    """Return the map from residuals to polynomial coefficients, with two variances of each coefficient.
+
+    One variance is due to noise, the other due to errors that no possible error of the bench explains.
 
     Parameters
     ----------

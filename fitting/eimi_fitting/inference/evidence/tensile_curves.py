@@ -38,7 +38,7 @@ class TensileCurve:
     stress_Pa : ndarray, shape (m,)
         Engineering stress in Pa.
     weight : float
-        Factor w on the weight that the curve has in a joint fit because of its noise; 1 by default.
+        Factor w. In a joint fit the curve counts w times as much as its noise alone would imply; 1 by default.
 
     Examples
     --------

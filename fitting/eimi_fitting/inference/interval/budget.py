@@ -88,7 +88,8 @@ class Moves:
     steps : Steps
         The change of the optimum for one standard uncertainty of each uncertain input.
     further : ndarray, shape (D, n), or float
-        Changes by an error that is no source, in unit coordinates. They count with the errors of the sources.
+        Changes by an error that is no uncertain input, in unit coordinates. `units` adds these changes if at least one
+        factor on the errors of the inputs is not zero.
     """
 
     unit: Array

@@ -140,7 +140,8 @@ class Candidates:
     points : float
         Number of independent edge points in a state.
     irreducible : float
-        Part of the standard deviation of the goal quantity that is the same for all choices, as a share of its value.
+        Standard deviation of the goal quantity due to the remaining error of the correction for a solid section, as a
+        share of the value of the goal quantity. It is the same for all choices of states.
     """
 
     loads: Loads

@@ -22,7 +22,10 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """A number that a plan minimises by its choice of the states to measure, such as the variance of the modulus."""
+    """The interface of the states that could be measured, with a number that depends on the choice of states.
+
+    A plan chooses the states for which this number (the criterion) is smallest, such as the variance of the modulus.
+    """
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""
