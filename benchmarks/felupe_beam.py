@@ -196,7 +196,7 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Return the positions of the tip in the fields `fields_mT` (K,), one state for each field.
+        """Return the positions of the tip in the K fields `fields_mT`, shape (K,), one state for each field.
 
         The states are solved in the given order. The Newton iteration of a state ends at a step below `tolerance_mm`.
         Raises NoEquilibrium if a state cannot be solved.

@@ -16,7 +16,7 @@ from eimi_lab.process import scope
 
 @pytest.fixture
 def busctl_arguments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The path of a file with the arguments of the last call of the program busctl, which the test replaces."""
+    """The path of a file to which a replacement for the program busctl writes its arguments at each call."""
     busctl = tmp_path / "busctl"
     busctl.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > {tmp_path}/asked\nexit $(cat {tmp_path}/status)\n')
     busctl.chmod(0o755)

@@ -39,7 +39,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return the bytes of every array of a dataset by the name of the array, without the date of the edges."""
+    """Return every array of a dataset as bytes, by its name; the date of the edges is left out."""
     arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:

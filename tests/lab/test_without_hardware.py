@@ -90,7 +90,7 @@ def pictures(files: Path, frame: Callable[..., np.ndarray]) -> Path:
 
 
 def shown(path: Path, folder: Path) -> list[int]:
-    """Return the number of the stored picture of each state of a dataset."""
+    """Return, for each state of a dataset, which of the stored pictures it contains: the number of the picture."""
     stored = [cv2.imread(str(folder / f"f_{number}.png"), cv2.IMREAD_GRAYSCALE) for number in range(4)]
     numbers = []
     with open_dataset(path) as dataset:

@@ -72,7 +72,7 @@ class CreepingRod:
         return np.stack(ends, axis=1) / (2 * _STEP)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
-        """Return the coordinates (n,) at the end of a step in time, at which the forces balance the loads.
+        """Return the n coordinates (n,) at the end of a step in time, at which the forces balance the loads.
 
         The forces are those of the long-term modulus and those of the terms of the Prony series. A term remembers
         earlier changes of the coordinates, and forgets them with its time constant. z: coordinates at the start. faded:
@@ -88,9 +88,10 @@ class CreepingRod:
         return new
 
     def hold(self, field_mT: float, seconds: float) -> tuple[Array, Array]:
-        """Change the field at once, keep it for `seconds`, and return the creep: times (m,), s, and coordinates (m, n).
+        """Change the field at once, keep it for `seconds`, and return the creep.
 
-        The first time is 0, and its coordinates are those after the elastic response to the change.
+        The creep consists of m times (s), shape (m,), and of the n coordinates at these times, (m, n). The first time
+        is 0, and its coordinates are those after the elastic response to the change.
         """
         decades = np.log10(seconds / _FIRST_S)
         times = np.append(0.0, np.geomspace(_FIRST_S, seconds, int(np.ceil(_STEPS_PER_DECADE * decades)) + 1))
@@ -117,8 +118,8 @@ class CreepingRod:
     def rates(self, coordinates: Array, field_mT: float) -> tuple[NDArray[np.complex128], Array, Array]:
         """Return the rates of the lowest vibration about B shapes of the rod, and its mode and mass.
 
-        Mode and mass belong to the vibration about the first shape. The complex rates (1/s) have the shape (B,), the
-        mode (n,), and the mass matrix (n, n). coordinates: the coordinates of the shapes, (B, n).
+        Mode and mass belong to the vibration about the first shape. The complex rates (1/s) have the shape (B,). For n
+        coordinates, the mode has the shape (n,), and the mass matrix (n, n). coordinates: those of the shapes, (B, n).
         """
         still = np.zeros(self.rod.size)
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
@@ -132,11 +133,11 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once, keep it for `seconds`, and return the motion (m, n) and the rate of the vibration.
+        """Change the field at once, keep it for `seconds`, and return the motion and the rate of the vibration.
 
-        The rate (complex, 1/s) changes with the creep; the rate at which the vibration has become nine times smaller is
-        returned. times_s: the times after the change, (m,). vibrates: whether the motion contains the vibration;
-        otherwise it is the creep alone.
+        The motion consists of the n coordinates at m times, (m, n). The rate (complex, 1/s) changes with the creep; the
+        rate when the vibration has become nine times smaller is returned. times_s: the m times after the change, (m,).
+        vibrates: whether the motion contains the vibration; otherwise it is the creep alone.
         """
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)

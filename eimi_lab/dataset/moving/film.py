@@ -50,7 +50,7 @@ class Film:
     right_px: Array
 
     def sigma_mm(self, middle_mm: Array) -> Array:
-        """Return the standard deviation of the noise of each of the p points in the direction across the beam, mm.
+        """Return, for each of the p points, the standard deviation of its noise across the beam, mm.
 
         In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points as a function of the
         distance from the clamp. The standard deviation of a point follows from the scatter of its distances from these
