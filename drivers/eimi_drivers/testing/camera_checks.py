@@ -242,7 +242,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Grab more frames than a camera can have stored before it was disturbed, and return the last frame."""
+    """Grab as many frames as the camera can have stored before it was disturbed, then return the next frame."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)
