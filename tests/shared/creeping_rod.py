@@ -136,7 +136,7 @@ class CreepingRod:
         """Change the field at once, keep it for `seconds`, and return the motion and the rate of the vibration.
 
         The motion consists of the n coordinates at m times, (m, n). The rate (complex, 1/s) changes with the creep; the
-        rate when the vibration has become nine times smaller is returned. times_s: the m times after the change, (m,).
+        rate when the vibration has become 15 times smaller is returned. times_s: the m times after the change, (m,).
         vibrates: whether the motion contains the vibration; otherwise it is the creep alone.
         """
         before = self.coordinates
@@ -145,7 +145,7 @@ class CreepingRod:
         near = CubicSpline(np.log(times[1:]), slow[1:])(np.log(_TANGENTS_S[seconds > _TANGENTS_S]))
         roots, mode, mass = self.rates(near, field_mT)
         logs = np.log(_TANGENTS_S[: len(roots)])
-        at = np.log(min(-2.2 / roots[0].real, seconds))
+        at = np.log(min(-2.7 / roots[0].real, seconds))
         chosen = complex(np.interp(at, logs, roots.real), np.interp(at, logs, roots.imag))
         if not vibrates:
             return motion, chosen

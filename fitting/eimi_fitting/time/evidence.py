@@ -8,7 +8,7 @@ standard uncertainty. The module `time.slow_evidence` contains the evidence of c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -68,15 +68,19 @@ class RingEvidence:
         Pairs of the number of a mode, from 0, and the measured frequency and loss factor of this mode.
     inflation : float
         Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
+    age_s : float
+        Time since the last change of the load for which the vibrations count. The beam vibrates about the equilibrium
+        with the modulus at this time.
     """
 
     table: RingTable
     decay: Decay
     modes: tuple[tuple[int, RingMode], ...]
     inflation: float = 1.0
+    age_s: float = AT_REST_S
 
     @staticmethod
-    def of(table: RingTable, decay: Decay) -> RingEvidence:
+    def of(table: RingTable, decay: Decay, is_stepped: bool = False) -> RingEvidence:
         """Return the evidence of a ring-down: frequency and loss factor of each mode of a free vibration.
 
         Vibrations that belong to no planar mode of the beam are left out. With a hanging weight, only the lowest mode
@@ -84,8 +88,12 @@ class RingEvidence:
         mode by 25 to 50 %.
         """
         modes = [(0, decay.modes[0])]
+        age_s = AT_REST_S
+        if is_stepped:
+            # While the beam creeps, its frequency changes. The fitted frequency is nearly that after this time.
+            age_s = decay.from_s - 1 / decay.modes[0].rate.real
         if table.beam.hanging_N:
-            return RingEvidence(table, decay, tuple(modes))
+            return RingEvidence(table, decay, tuple(modes), age_s=age_s)
         computed = table.beam.undamped_Hz(table.middle_Pa) * table.solid_over_planar
         for mode in decay.modes[1:]:
             ratio = mode.frequency_Hz / decay.modes[0].frequency_Hz
@@ -94,11 +102,11 @@ class RingEvidence:
             # Higher modes have larger systematic errors: each measured one is matched to the nearest computed mode.
             if abs(ratio / expected[k] - 1) < _SAME_MODE and k + 1 not in [number for number, _ in modes]:
                 modes.append((k + 1, mode))
-        return RingEvidence(table, decay, tuple(modes))
+        return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the residuals of ln(frequency) and loss factor of each mode, see `Evidence.residuals`."""
-        at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
+        at_rest = instantaneous_Pa * series.ratio(np.array([self.age_s]))[:, 0]
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
         roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count, load_log)
@@ -236,5 +244,5 @@ def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
         )  # fmt: skip
         mean = (values / spread**2).sum(axis=0) / (1 / spread**2).sum(axis=0)
         ratio = np.sqrt((((values - mean) / spread) ** 2).sum(axis=0) / (len(alike) - 1)).max()
-        widened.append(RingEvidence(ring.table, ring.decay, ring.modes, float(max(ratio, 1.0))))
+        widened.append(replace(ring, inflation=float(max(ratio, 1.0))))
     return tuple(widened)

@@ -180,7 +180,7 @@ def identify_time(
         table = _table_for(recorded, decay, tables, RingingBeam(
             specimen, recorded.loads, law, unit_shape, recorded.motion.hanging_N
         ))  # fmt: skip
-        rings.append(RingEvidence.of(table, decay))
+        rings.append(RingEvidence.of(table, decay, recorded.is_stepped))
         doubts += decay.doubts
     doubts += _doubts_of_section(rings[0].table)
     rings = list(with_scatter(rings))
