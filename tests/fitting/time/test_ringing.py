@@ -161,3 +161,23 @@ def test_the_interval_of_a_beam_with_a_hanging_weight_holds_a_fixed_weight_too()
     residuals = RingEvidence(of_table, swing(4.0), ((0, mode),)).residuals(np.array([90e3]), elastic, np.zeros(1))
     assert of_table.fixed_weight_log < -0.01
     assert abs(residuals[0, 0]) == pytest.approx(2.0, rel=0.01)
+
+
+def test_a_creeping_beam_vibrates_about_its_equilibrium_at_the_time_of_the_vibration() -> None:
+    instantaneous = AT_REST_PA / SERIES.long_term
+    one = Prony(SERIES.g[None], SERIES.tau_s[None])
+    for field_mT, is_bent in ((0.0, False), (7.0, True)):
+        of_table, decay = table(field_mT), swing(5.0)
+        stepped = RingEvidence.of(of_table, decay, is_stepped=True)
+        assert stepped.age_s == pytest.approx(decay.from_s - 1 / decay.modes[0].rate.real)
+        at_time = instantaneous * float(SERIES.ratio(stepped.age_s))
+        (root,) = of_table.roots(
+            np.log([at_time]), lambda s, now=at_time: instantaneous / now * SERIES.complex_ratio(s), 1
+        )[0]
+        mode = RingMode(root.imag / (2 * np.pi), -2 * root.real / root.imag, np.diag([1e-10, 1e-8]))
+        rows = [
+            replace(ring, modes=((0, mode),)).residuals(np.array([instantaneous]), one, np.zeros(1))[0, 0]
+            for ring in (stepped, RingEvidence.of(of_table, decay))
+        ]
+        assert abs(rows[0]) < 0.05
+        assert bool(abs(rows[1]) > 3.0) is is_bent
