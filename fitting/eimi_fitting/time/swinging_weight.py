@@ -14,7 +14,8 @@ the other share, and
 
     w = p_2 Re lambda_1 + p_1 Re lambda_2,    k / M = lambda_1 lambda_2 / w.
 
-If the weight swings at half of the frequency, the equations are not linear, and the result holds approximately.
+If the weight swings at half of the frequency, the equations are not linear, and the result holds approximately. If the
+two frequencies are far apart, the vibration with the larger loss is that of the beam alone.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 
 _RATIOS, _LOSSES = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25), (0.01, 0.05)  # of the second vibration, from which a fit starts
 _FARTHEST = 1.7  # ratio of the frequencies
+_APART = 1.35  # ratio of the frequencies above which the vibrations do not change each other
 _NOISE = 2.0  # noise near the frequency with one vibration, divided by the stated noise, below which there is no swing
 _BETTER = 0.25  # ratio of the chi-squares with two vibrations and with one
 _MOST_LOSS = 0.6
@@ -115,6 +117,9 @@ def _shares(modes: Array) -> Array:
 
 def _alone(modes: Array) -> Array:
     """Return ln(angular frequency) and the loss factor of the beam alone, (2,); for the argument see `_squares`."""
-    squares = _squares(modes)
-    alone = squares.prod() / float(_shares(modes)[::-1] @ squares.real)
+    squares, shares = _squares(modes), _shares(modes)
+    if abs(modes[2] - modes[0]) > np.log(_APART):
+        alone = squares[int(np.argmax(shares))]
+    else:
+        alone = squares.prod() / float(shares[::-1] @ squares.real)
     return np.array([0.5 * np.log(alone.real), alone.imag / alone.real])
