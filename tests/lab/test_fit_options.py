@@ -29,7 +29,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """Record the options that the command line passes to a fit."""
+    """Take the place of `eimi fit`, and record the options that the command line passes to it."""
     received.append(options)
 
 

@@ -19,7 +19,7 @@ from eimi_lab.vision.flags import CHECKS, judge
 class Row(NamedTuple):
     """A row of the table: name of the flag (warning), limit, severity, and the limit beyond which a state is unusable.
 
-    below: whether values below the limit are flagged, instead of values above the limit. adds: a value that gives a
+    below: whether values below the limit get the flag, instead of values above the limit. adds: a value that gives a
     doubtful state, the standard deviation that this value adds to the points, and the unit of this deviation.
     """
 

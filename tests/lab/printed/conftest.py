@@ -61,7 +61,7 @@ def fitted(evidence: Evidence) -> FitRecord:
 
 @pytest.fixture
 def fit(fitted: FitRecord) -> FitRecord:
-    """The small fit with replaced numbers."""
+    """A small fit whose numbers are replaced by numbers that all differ, so that a test recognises each of them."""
     entry = BudgetEntry("width", "width", 0.02, "mm", (0,), 3.0)
     small = [BudgetEntry("depth", "depth", 0.01, "mm", (0,), size) for size in (0.9, 0.8, 0.7, 0.6, 0.3, 0.4)]
     return replace(
