@@ -92,8 +92,8 @@ def dry_run(
 
     The run is carried out on an emulated supply in simulated time. The simulated beam is at rest at once, so that the
     simulated duration is the shortest possible duration. The longest possible duration is listed too. A driver of
-    another package has no emulator: the messages of this driver are not listed, and the times are the times of another
-    supply.
+    another package has no emulator: the messages of this driver are not listed, and the times are the times of the
+    emulated supply that replaces it.
 
     Parameters
     ----------

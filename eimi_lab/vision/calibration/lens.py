@@ -153,9 +153,9 @@ def fit_board_pose(view: View, board_error: float) -> BoardPose:
     """Fit the scale and the orientation of a calibration board by least squares.
 
     Let b be the points on the board (mm) and q the points in the image (px), each as complex numbers relative to the
-    mean of the points. The similarity q ≈ t b has the least-squares solution
+    mean of the points. The similarity (rotation and change of scale) q ≈ t b has the least-squares solution
 
-        t = Σ b* q / Σ |b|².
+        t = Σ b* q / Σ |b|²,
 
     with the conjugate b* of b. |t| is the scale, and the argument of t is the direction of the board's rows. The
     variance of the scale is the sum of three variances: from the scatter of the points, from the error of the printed

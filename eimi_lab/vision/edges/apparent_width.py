@@ -20,7 +20,8 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
 
     The width is measured on nine lines across the axis, at distances of 0.1 to 0.3 of the length from the clamp. The
     body contains the pixels around the axis whose grey values lie on the same side of the middle grey value as the
-    grey values on the axis. The width in the specimen file is not used.
+    grey values on the axis. The middle grey value is midway between dark and bright (the 5th and the 95th percentile).
+    The width in the specimen file is not used.
 
     Parameters
     ----------

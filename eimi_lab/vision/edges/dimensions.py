@@ -41,7 +41,7 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
     """Return the largest increase of the apparent width by a bow (curvature) of the cross-section, along an edge.
 
     In a beam of incompressible material with the bending curvature k, the cross-section has the curvature k / 2 across
-    its depth. The outline is therefore wider by k depth² / 16. The excess is at most a sixth of the width, because a
+    its depth. The outline is therefore wider by k depth² / 16. This increase is at most a sixth of the width, because a
     deep strip stays flat in the middle of its depth (Ashwell 1950, J. R. Aeronaut. Soc. 54:708). Near the clamp and
     near the magnet the bow is smaller than this.
 

@@ -315,7 +315,7 @@ def _locate(
         For each curve, the arc lengths at which the edge is searched, and the stride s: every s-th arc length belongs
         to a point of the result.
     outward : sequence of float
-        For each curve, +1 if its clockwise side is bright, else -1.
+        For each curve, +1 if the bright surroundings of the beam lie clockwise of the tangent of the curve, else -1.
     stations_px : ndarray, shape (m,)
         The m distances along a normal at which grey values are read, positive outward.
     blur_px : float

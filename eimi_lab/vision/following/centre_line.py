@@ -66,11 +66,10 @@ class CentreLine:
         """Return the gain of search steps, from the distance between the end of each step and this line.
 
         A search step extends a strip, a band of the picture that may show the beam; the gain of the step is added to
-        the score of the strip. The gain depends on the distance between the end of the step and the part of the line at
-        a similar distance from the clamp. Let e be the amount by which this distance exceeds the tolerance `free_px`,
-        in half beam widths. The gain is `evidence` if the distance does not exceed `free_px`. Otherwise the gain is the
-        larger of -e²/2 and -`largest_cost`. For steps that end farther from the clamp than the end of the line, the
-        gain is 0.
+        the score of the strip. Let d be the distance between the end of the step and the part of the line that is about
+        equally far from the clamp, and let e be the amount by which d exceeds the tolerance `free_px`, in half beam
+        widths. The gain is `evidence` if d does not exceed `free_px`. Otherwise the gain is the larger of -e²/2 and
+        -`largest_cost`. For steps that end farther from the clamp than the end of the line, the gain is 0.
 
         Parameters
         ----------

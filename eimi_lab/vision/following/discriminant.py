@@ -45,7 +45,8 @@ class ColourProjection:
     weight : ndarray, shape (n, channels)
         Weight of each colour channel.
     level : ndarray, shape (n,)
-        Weighted sum of the mean outside colour: colour · weight - level is 0 outside and 1 inside.
+        Weighted sum of the mean colour outside. The projected colour is colour · weight - level, so that it is 0
+        outside and 1 inside.
     step : ndarray, shape (n, channels)
         Mean colour inside minus mean colour outside.
     """
@@ -80,8 +81,8 @@ def project(
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     shadowless : bool
-        Whether to use only projections in which the outside colour and all its multiples have the same value. A picture
-        with one channel has no such projection.
+        Whether to use only projections in which the outside colour and all its multiples have the same value, so that a
+        shadow on the background is invisible. A picture with one channel has no such projection.
     inside_band : tuple of float
         Least and largest distance from the edge, in nominal widths, of the colours that count as inside the beam.
 

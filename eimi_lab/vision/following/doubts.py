@@ -26,7 +26,9 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
     Both edges of one body are about equally far from the lens, and therefore equally blurred. The border of a shadow is
     additionally blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border
-    of the shadow lies outside the body. If this border is taken for the edge, the body looks wider.
+    of the shadow lies outside the body. If this border is taken for the edge, the body looks wider. An edge may
+    therefore be the border of the shadow if it is clearly more blurred than the other edge, and if every colour is
+    darker on its inner side. If it is far more blurred than the other edge, the colours do not matter.
 
     Parameters
     ----------

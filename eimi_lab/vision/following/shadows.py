@@ -14,8 +14,8 @@ from its middle.
 
 The thin rim of a translucent beam and the cut side of a coloured board also look like darkened surroundings. But the
 colour of the rim is near to the colour of the beam, so that nearly the whole colour step is at the outer border of the
-rim. The cut side has a hue of its own. The outer border is then kept as the edge, and the distance between the outer
-and the inner border is recorded in `Seams.shadow`.
+rim. The cut side has a hue of its own. In both cases the outer border is kept as the edge, and the distance between the
+outer and the inner border is recorded in `Seams.shadow`.
 """
 
 from __future__ import annotations
