@@ -7,7 +7,7 @@ calibration and rig can give, such as width, magnet, scale, coil, clamp, angles 
 experiment, the true value of every source is drawn at random with the standard uncertainty of the bench examples. The
 beam with the drawn values is simulated on 26 x 3 elements, and its edges are displaced by the drawn errors of the
 camera. Each edge point gets noise. Half of the variance of this noise is white. The other half has an exponential
-correlation along the edge, as blur, illumination and threshold cause. The fit knows only the nominal values and their
+correlation along the edge, as blur and illumination cause. The fit knows only the nominal values and their
 uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
 
 Two simplifications make this number of experiments affordable:

@@ -1,8 +1,9 @@
 """Detect edges in other people's photographs that were changed: ``python -m benchmarks.perturbed_pictures``.
 
 The changes are those of a camera, a lamp or a program for pictures: scale, brightness, noise, a gradient of the light,
-hue, mirror, JPEG compression and blur (`tests.shared.perturbed_pictures`). The distances are those from the edges that
-a person traced in the original photograph (see `benchmarks.real_pictures`), in px of the original photograph.
+hue, mirror, JPEG compression and blur (`tests.shared.perturbed_pictures`). The detected edges are compared with the
+edges that a person traced in the original photograph (see `benchmarks.real_pictures`). Distances between them are in px
+of the original photograph.
 
 A picture is *refused* if no edges are returned or a flag marks them as unusable. It is *silent* if no flag marks the
 edges as doubtful and the edges are off by more than three uncertainties of the traced edges (root mean square). Other

@@ -55,8 +55,8 @@ class Ranked:
     error_percent : float
         Error of the modulus, %.
     interval_percent, interval_fit_percent : tuple of float
-        The 95 % intervals of the modulus minus the true modulus, %: from all stated uncertainties, and from noise and
-        mesh.
+        Ends of two 95 % intervals of the error of the modulus, %: the interval from all stated uncertainties, and the
+        interval from noise and mesh alone.
     doubted_percent : tuple of float or None
         Range of the changes of the modulus that the doubt names, %; None without a doubt that names a cause.
     doubts : int

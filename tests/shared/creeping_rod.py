@@ -2,8 +2,8 @@
 
 `MovingBeam` integrates the whole motion in time, in steps of milliseconds. Here the creep is integrated without
 inertia, in steps that grow with the time since the last change of the field. The lowest vibration is computed from the
-tangents about the creeping rod, and added. The sum is exact for small vibrations only. It takes a hundredth of the
-time, so that hundreds of hidden materials can be recorded.
+derivatives of the forces (tangents) at the creeping rod, and added. The sum is exact for small vibrations only. It
+takes a hundredth of the time, so that hundreds of hidden materials can be recorded.
 """
 
 from __future__ import annotations

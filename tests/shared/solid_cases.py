@@ -107,9 +107,11 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 
     The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque
     divided by the exact torque of a neo-Hookean cube. name: the law. divisions: number of elements along a side. twist:
-    angle (rad) for each unit of z. Pure torsion of an
-    isotropic, incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R. Soc. A 241:379).
-    For a neo-Hookean square of side a, the shear stress is mu twist r and the torque is mu twist a^4 / 6.
+    angle (rad) for each unit of z.
+
+    Pure torsion of an isotropic, incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R.
+    Soc. A 241:379). In a neo-Hookean body of square section with the side a and the shear modulus mu, the shear stress
+    at the distance r from the axis is mu twist r, and the torque is mu twist a^4 / 6.
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)
