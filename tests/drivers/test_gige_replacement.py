@@ -297,55 +297,56 @@ def default_interrupt() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.usefixtures("default_interrupt")
-class TestServing:
-    """The process of an emulated camera obeys the commands of its parent process, and reports its errors."""
+@pytest.fixture
+def serving(monkeypatch: pytest.MonkeyPatch, default_interrupt: None) -> SimpleNamespace:
+    """The camera that the function in the process of a camera serves, and what the function gives to it."""
+    camera = SimpleNamespace(failure=None, lost=[], given=())
 
-    served: SimpleNamespace
+    @contextmanager
+    def serve(picture: Any, size_px: tuple[int, int], **options: Any) -> Iterator[SimpleNamespace]:
+        camera.given = (picture, size_px, options)
+        camera.lose_packets = camera.lost.append
+        yield camera
 
-    @pytest.fixture(autouse=True)
-    def serving(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.served = SimpleNamespace(failure=None, lost=[], given=())
+    monkeypatch.setattr(gige_process, "serve_gige", serve)
+    return camera
 
-        @contextmanager
-        def serve(picture: Any, size_px: tuple[int, int], **options: Any) -> Iterator[SimpleNamespace]:
-            self.served.given = (picture, size_px, options)
-            self.served.lose_packets = self.served.lost.append
-            yield self.served
 
-        monkeypatch.setattr(gige_process, "serve_gige", serve)
+def test_the_process_of_a_camera_answers_each_command_until_the_other_end_is_closed(serving: SimpleNamespace) -> None:
+    line = Line(0.25, 1.0, EOFError())
+    gige_process._serve(line, lambda: print, SIZE_PX, {"shutter": "Rolling"})  # type: ignore[arg-type,return-value]
+    assert serving.given == (print, SIZE_PX, {"shutter": "Rolling"})
+    assert serving.lost == [0.25, 1.0]
+    assert line.sent == [True, True, True]
+    assert set(line.polled_s) == {gige_process.LOOK_EVERY_S}
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
-    def test_it_answers_each_command_until_the_other_end_is_closed(self) -> None:
-        line = Line(0.25, 1.0, EOFError())
-        gige_process._serve(line, lambda: print, SIZE_PX, {"shutter": "Rolling"})  # type: ignore[arg-type,return-value]
-        assert self.served.given == (print, SIZE_PX, {"shutter": "Rolling"})
-        assert self.served.lost == [0.25, 1.0]
-        assert line.sent == [True, True, True]
-        assert set(line.polled_s) == {gige_process.LOOK_EVERY_S}
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
-    def test_it_reports_a_failed_picture_and_ends(self) -> None:
-        self.served.failure = ValueError("no beam")
-        line = Line()
-        gige_process._serve(line, lambda: print, SIZE_PX, {})  # type: ignore[arg-type,return-value]
-        assert line.sent[0] is True
-        assert "ValueError" in line.sent[1]
-        assert "no beam" in line.sent[1]
+def test_the_process_of_a_camera_reports_a_failed_picture_and_ends(serving: SimpleNamespace) -> None:
+    serving.failure = ValueError("no beam")
+    line = Line()
+    gige_process._serve(line, lambda: print, SIZE_PX, {})  # type: ignore[arg-type,return-value]
+    assert line.sent[0] is True
+    assert "ValueError" in line.sent[1]
+    assert "no beam" in line.sent[1]
 
-    @pytest.mark.parametrize(
-        ("error", "reported"),
-        [(InstrumentError("no port"), "no port"), (ValueError("no beam"), "no beam"), (BrokenPipeError("gone"), "")],
-    )
-    def test_it_reports_why_a_camera_cannot_be_prepared(self, error: Exception, reported: str) -> None:
-        def prepare() -> Any:
-            raise error
 
-        line = Line()
-        gige_process._serve(line, prepare, SIZE_PX, {})  # type: ignore[arg-type]
-        assert len(line.sent) == bool(reported)
-        for message in line.sent:
-            assert reported in message
-            assert ("ValueError" in message) == isinstance(error, ValueError)
+@pytest.mark.parametrize(
+    ("error", "reported"),
+    [(InstrumentError("no port"), "no port"), (ValueError("no beam"), "no beam"), (BrokenPipeError("gone"), "")],
+)
+def test_the_process_of_a_camera_reports_why_it_cannot_begin(
+    serving: SimpleNamespace, error: Exception, reported: str
+) -> None:
+    def prepare() -> Any:
+        raise error
+
+    line = Line()
+    gige_process._serve(line, prepare, SIZE_PX, {})  # type: ignore[arg-type]
+    assert len(line.sent) == bool(reported)
+    for message in line.sent:
+        assert reported in message
+        assert ("ValueError" in message) == isinstance(error, ValueError)
 
 
 class Shared:
