@@ -2,7 +2,7 @@
 
 The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
 divided by the scale. The roll of the camera follows from a level or plumb ruler, or from the edge
-of the clamp. There is no coil.
+of the clamp. Such a bench has no coil, so that the calibration contains no field.
 """
 
 from __future__ import annotations

@@ -255,7 +255,8 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
     """Return initial values of the dark plateau, the bright plateau and the offset of n profiles, each of shape (n,).
 
     A profile contains the grey values along a line across the edge. The plateaus (the grey values beside the step) are
-    mean grey values at the two ends of a profile. The offset follows from the area under the profile.
+    mean grey values at the two ends of a profile. The offset follows from the area under the profile. u: distances
+    along the normals. covered: indices of the profiles that cross silicone beside the magnet.
     """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
@@ -319,6 +320,9 @@ def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
     """Return the derivatives of the m grey values of n fitted profiles with respect to the unknowns of the fit.
+
+    u: distances along the normals. shared: the values of the shared unknowns. covered: indices of the profiles that
+    cross silicone beside the magnet.
 
     Returns
     -------

@@ -253,8 +253,8 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 
         cost = 0.6 c² + 4 (ln w)² + 0.03 (b / 0.6)²,
 
-    with the change of curvature c = `more_bend` in units of `_Stiffness.bend`, the width w in nominal widths, and the
-    curvature b times the nominal width.
+    with the change of curvature c = `more_bend` in units of `_Stiffness.bend`, the width w = `width` in nominal widths,
+    and the product b of the curvature `bend` and the nominal width `width_px`.
     """
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
@@ -264,6 +264,7 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 
     A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
     edges. The indices are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
+    width: nominal width of the beam, to which the size of a cell is proportional, px.
     """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]

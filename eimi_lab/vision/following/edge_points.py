@@ -169,8 +169,9 @@ class _Edge:
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
         """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
 
-        The projected colour is a weighted sum of the colours, about 0 inside the beam and 1 outside. `u` contains m
-        distances along a normal, px. The other parameters are the same as in `fitted`.
+        The returned colour is 1 minus the projected colour (a weighted sum of the colours), so that it rises outward
+        from about 0 inside the beam to 1 outside. `u` contains m distances along a normal, px. The other parameters are
+        the same as in `fitted`.
         """
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
