@@ -82,6 +82,11 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
     """Estimate the gamma of the camera by one linear least-squares step from gamma = 1.
 
     The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
+
+    The values along the edge are averaged in bins of the distance from the edge. ``place`` is this distance of each bin
+    in pixels, positive on the bright side, ``mean`` is its mean grey value (1 at the bright end), and ``weight`` is the
+    square root of its number of values. ``dark`` is the light at the dark end, and ``blur`` the standard deviation of
+    the blur in pixels; both are first guesses, which the step corrects together with gamma.
     """
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)
@@ -91,6 +96,11 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
-    """Return the grey values of a blurred step of light that a camera with the given gamma stores."""
+    """Return the grey values of a blurred step of light that a camera with the given gamma stores.
+
+    ``place`` is the distance of each value from the expected edge, and ``offset`` is that of the real edge. ``dark`` is
+    the light on the dark side, as a share of that on the bright side, whose grey value is ``scale``. ``blur`` is the
+    standard deviation of the blur. Distances are in pixels.
+    """
     light = dark + (1.0 - dark) * scipy.special.ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))
