@@ -11,9 +11,9 @@ The error of a fit is the mean of error_k over the states.
 
 A measured point may lie beyond the end of its simulated edge, for example if the beam is a little longer than stated.
 Each edge is therefore continued straight beyond both ends by a twentieth of its length. The distance of a point from
-the end itself would be no smooth function: its sign jumps where the continued edge passes the point. Slopes of the
-residuals at such a jump were up to fifteen times too large in one state, and the interval of a modulus was half as wide
-as it should be.
+the end itself would be no smooth function: its sign jumps where the continued edge passes the point. Such a jump made
+the slopes of the residuals in one state about four times too large, and the interval of the modulus a third as wide as
+it should be.
 """
 
 from __future__ import annotations
