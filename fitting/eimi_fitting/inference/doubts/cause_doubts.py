@@ -8,7 +8,7 @@ import numpy as np
 
 from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed
 from eimi_fitting.inference.doubts.checks import OF_NOISE, Doubt, noise_ratio, pairs
-from eimi_fitting.inference.doubts.named_error import contains
+from eimi_fitting.inference.doubts.named_error import contains, remaining_error_mm
 from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.sources import SOURCES
@@ -28,11 +28,11 @@ def cause_doubts(
     """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
 
     A cause is a possible error of the bench. A cause concerns the modulus under one of two conditions. The corrected
-    modulus would lie outside the 95 % interval, or the cause explains more than half of the mean error. The second
-    condition does not apply to a cause whose uncertainty the files state, because the interval contains it. The doubt
-    also names the causes that the residuals do not distinguish from the first cause. A cause that the fit has taken
-    into account causes no doubt. A different doubt is returned if residuals exceed ten times the stated noise and most
-    probably no listed cause explains them.
+    modulus would lie outside the 95 % interval, or the most probable causes explain more than half of the mean error.
+    The second condition does not apply to causes whose uncertainties the files state, because the interval contains
+    them. The doubt also names the causes that the residuals do not distinguish from the first cause. A cause that the
+    fit has taken into account causes no doubt. A different doubt is returned if residuals exceed ten times the stated
+    noise and most probably no listed cause explains them.
 
     Returns
     -------
@@ -61,13 +61,21 @@ def _concerns(
 ) -> bool:
     if not contains(estimate.initial_shear_modulus, (cause.shift_percent, *weighed.modulus_percent)):
         return True
+    present = [c for c in weighed.causes if c.name in weighed.most_probable - weighed.in_the_fit] or [cause]
+    if all(_is_stated(one, experiments) for one in present):
+        return False
+    remaining = remaining_error_mm(weighed, experiments)
+    if remaining is None:
+        remaining = float(np.concatenate(weighed.error_mm[cause.name]).mean())
+    return remaining < _OF_ERROR * float(final.error_mm[0].mean())
+
+
+def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
+    """Return whether a file states the uncertainty of a cause, or of a cause that the residuals do not distinguish."""
     possible = {one.name: one.source for one in POSSIBLE_CAUSES}
     sources = {possible[name] for name in (cause.name, *cause.like)} - {""}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
-    if any(stated & {source, *SOURCES[source].covers} for source in sources):
-        return False
-    remaining = np.concatenate(weighed.error_mm[cause.name])
-    return float(remaining.mean()) < _OF_ERROR * float(final.error_mm[0].mean())
+    return any(stated & {source, *SOURCES[source].covers} for source in sources)
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.doubts.causes import Weighed
+from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.interval.covariance import linearise
@@ -69,13 +70,10 @@ def estimate_beside(
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
         return None
-    misfits = optimum.evaluation.comparison.misfits
-    errors = [
-        experiment.observed.of_residuals(residuals[None]).error_mm
-        for experiment, residuals in zip(problem.experiments, remaining, strict=True)
-    ]
-    if np.concatenate(errors, axis=1).mean() > _EXPLAINS * optimum.evaluation.comparison.error_mm[0].mean():
+    error_mm = remaining_error_mm(weighed, problem.experiments)
+    if error_mm is None or error_mm > _EXPLAINS * optimum.evaluation.comparison.error_mm[0].mean():
         return None
+    misfits = optimum.evaluation.comparison.misfits
     changes = [after - misfit.residuals[0] for after, misfit in zip(remaining, misfits, strict=True)]
     changed, reached = _with(problem, optimum, changes)
     about = linearise(changed, reached)
@@ -96,6 +94,20 @@ def estimate_beside(
         section_change=before.section_change,
         held_out_error_mm=before.held_out_error_mm,
     )
+
+
+def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
+    """Return the mean error in mm that remains with the most probable causes; None if it is not known.
+
+    The mean error is the mean over the states of the root mean square residual.
+    """
+    if weighed.remaining is None:
+        return None
+    errors = [
+        experiment.observed.of_residuals(residuals[None]).error_mm
+        for experiment, residuals in zip(experiments, weighed.remaining, strict=True)
+    ]
+    return float(np.concatenate(errors, axis=1).mean())
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
