@@ -367,7 +367,7 @@ class RunKilled(Event):
 
     The guardian is the process that switches the coil off in place of the run.
 
-    `reason` is a text for a person. `address` is the address of the supply.
+    `reason` tells why the guardian's attempt to switch the coil off failed. `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "run_killed"

@@ -132,7 +132,7 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def switch_off_in_haste(self) -> None:
-        """Switch the coil off at once, if a second signal has come or the current is wrong. Raises nothing.
+        """Switch the coil off at once, if a second signal to stop has come or the current is wrong. Raises nothing.
 
         The writer of the dataset calls this method while it stores a state (load step). The coil is switched off at
         most once.

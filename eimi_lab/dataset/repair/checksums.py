@@ -15,7 +15,7 @@ _ROW = 512  # number of words (16 bits) in a row of the arrangement by which `fl
 
 
 def lookup3(block: bytes) -> int:
-    """Return the lookup3 checksum (32 bits) of a block of bytes."""
+    """Return the checksum of a block of bytes (32 bits) by the function lookup3, as HDF5 stores it for metadata."""
     return int(lookup3_of_many(_words(np.frombuffer(block, np.uint8)[None, :]), len(block))[0])
 
 

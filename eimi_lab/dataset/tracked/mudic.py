@@ -87,7 +87,7 @@ def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None)
 
 
 class _Harmless(pickle.Unpickler):
-    """An unpickler that creates arrays, and replaces every other object by an `_Inert`."""
+    """An unpickler that creates arrays, and replaces every other object by one that runs no code (`_Inert`)."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module.startswith("dill.") and name == "_create_array":
