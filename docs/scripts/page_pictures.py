@@ -57,7 +57,7 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
     rig = load_rig("virtual")
     assert rig.virtual is not None
     wide, high = (side // SCALE for side in rig.virtual.frame_size_px)
-    text = rig.text.replace("mesh = [30, 3, 2]", "mesh = [14, 1, 1]").replace("[1280, 1024]", f"[{wide}, {high}]")
+    text = re.sub(r"mesh = \[.*?\]", "mesh = [14, 1, 1]", rig.text).replace("[1280, 1024]", f"[{wide}, {high}]")
     clamp = [place / SCALE for place in rig.calibration.clamp_midpoint_px]
     calibration = rig.calibration.text.replace("pixels_per_mm = 25.0", f"pixels_per_mm = {25.0 / SCALE}")
     calibration = calibration.replace("clamp_midpoint_px = [640.0, 80.0]", f"clamp_midpoint_px = {clamp}")
