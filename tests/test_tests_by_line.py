@@ -53,3 +53,21 @@ def test_a_new_map_replaces_the_old_one(code: Path) -> None:
     line_map = TestsByLine()
     assert set(line_map.of("eimi_lab/code.py", 3)) == {"test_3.py::test_it"}
     assert line_map.of("eimi_lab/code.py", 2) == ()
+
+
+def test_the_quickest_tests_are_taken_even_if_the_tests_of_other_files_are_slow(
+    code: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tests_by_line, "MOST_S", 10.0)
+    record(["test_2.py"])
+    line_map = TestsByLine()
+    quick = [f"test_own.py::test_{number}" for number in range(20)]
+    slow = [f"test_{number}.py::test_slow" for number in range(5)]
+    line_map._seconds = dict.fromkeys(quick, 0.1) | dict.fromkeys(slow, 3.0)
+    monkeypatch.setattr(
+        line_map._data, "contexts_by_lineno", lambda file: {2: [f"{test}|run" for test in quick + slow]}
+    )
+    chosen = line_map.of("eimi_lab/code.py", 2)
+    assert set(quick) <= set(chosen)
+    assert len(chosen) == 20 + 2  # 2 s of quick tests leave time for two of 3 s
+    assert chosen[0] == quick[0]

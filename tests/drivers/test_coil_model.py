@@ -145,6 +145,7 @@ def test_a_drifting_current_rises_at_its_rate_up_to_its_end() -> None:
         assert coil.coil_current_A() == pytest.approx(expected_A)
     assert coil.state.set_current_A == 0.8
     coil.switch(False)
+    assert coil.coil_current_A() <= 0.8  # the decaying current does not drift
     coil.clock.sleep(STEADY_S)
     assert coil.coil_current_A() == 0.0
     coil.switch(True)
