@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from eimi_lab.config.calibration import Picture as Help
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import segmentation
@@ -421,45 +420,6 @@ def test_an_edge_continues_beyond_a_reflection_near_the_clamp():
     edges = picture.edges((calibration, specimen))
     assert Severity.UNUSABLE not in severities(edges)
     assert picture.score(edges, calibration).good
-
-
-WRONGLY_STATED = {
-    "actuator_bent": ((1099.4, 1019.3), -90.8, 0.953, 0.952),  # a stain hides a part of one edge of the bend
-    "cable_blue_tiles": ((152.7, 10.8), 84.9, 1.060, 0.994),  # a joint of the tiles lies beside the clamp
-    "fabric_test": ((17.1, 134.1), 12.7, 1.060, 0.984),  # the silhouette of a grey picture is unusable
-    "silicone_up": ((138.2, 309.4), -90.2, 1.048, 1.029),  # the border of the shadow is clearer than the edge
-}
-"""Clamp (px), axis (degrees), and the factors of width and length that a user may state."""
-
-
-@pictures_at_hand
-@pytest.mark.parametrize("name", WRONGLY_STATED)
-def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexact(name):
-    picture = next(picture for picture in DEVELOPMENT if picture.name == name)
-    clamp, axis_deg, wide, long = WRONGLY_STATED[name]
-    beam = picture.specimen.specimen
-    size = {"width_mm": wide * beam.width_mm, "length_mm": long * beam.length_mm}
-    calibration = picture.calibration.model_copy(update={"clamp_midpoint_px": clamp, "axis_angle_deg": axis_deg})
-    specimen = picture.specimen.model_copy(update={"specimen": beam.model_copy(update=size)})
-    edges = picture.edges((calibration, specimen))
-    assert Severity.UNUSABLE not in severities(edges)
-    assert picture.score(edges, calibration).good
-
-
-@pictures_at_hand
-def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
-    """The border of a tape near the clamp is not joined to the edge of the body behind it.
-
-    They are not joined although the gap between them is only a third of the beam's width long, the other edge of the
-    beam is sure beside the gap, and the beam would be about as wide on both sides of the gap.
-    """
-    picture = next(picture for picture in DEVELOPMENT if picture.name == "silicone_curl")
-    clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))
-    help_given = (picture.calibration.picture or Help()).model_copy(update={"along_px": clicks})
-    calibration = picture.calibration.model_copy(update={"picture": help_given})
-    scored = picture.score(picture.edges((calibration, picture.specimen)), calibration)
-    assert scored.p95 < 4.0
-    assert scored.rms < 3.0
 
 
 @pytest.mark.parametrize(
