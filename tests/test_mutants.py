@@ -1,4 +1,9 @@
-"""Each deliberate mistake in the list fits the code, its tests exist, and the runner reports if they detect it."""
+"""The lists of deliberate mistakes agree with the code, and a report says whether the tests detect each mistake.
+
+A mistake replaces a fragment of the code, in a copy of the project. The fragment must occur in the code, and the tests
+that the list names for the mistake must exist. `benchmarks.mutants` makes one mistake at a time, runs its tests, and
+reports the mistake as detected if a test fails.
+"""
 
 from __future__ import annotations
 

@@ -134,7 +134,10 @@ def read_fits_file(path: str | Path) -> Fits:
     """Read fits.json. Raises InputError with the file and the key that is wrong."""
     path = Path(path)
     if is_dataset(path):
-        raise InputError(f"{path}: is a dataset, but a fits.json is needed here; give a dataset without --fit")
+        raise InputError(
+            f"{path}: is a dataset, but a fits.json is needed here; `eimi fit` writes a fits.json; commands with the "
+            "option --fit take the fits.json after --fit, and a dataset as an argument without an option"
+        )
     text = read_text(path)
     try:
         content = parse_json(text)

@@ -121,7 +121,10 @@ class FitDesk:
             )
         fits = dataset.with_suffix(FITS)
         if fits.exists() and asked.get("replace") is not True:
-            raise InputError(f"{self._folder.name_of(fits)}: exists already; ask to fit again to replace it")
+            raise InputError(
+                f"{self._folder.name_of(fits)}: exists already; to replace it, open the dataset again on this page and "
+                'press "Fit again and replace this fit"'
+            )
         self._number += 1
         self.fitting = Fitting(self._number, self._folder.name_of(dataset), model, tuple(free))
         self._task = asyncio.create_task(self._fit(dataset, self.fitting))

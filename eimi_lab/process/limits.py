@@ -76,22 +76,24 @@ def limit_memory(most_bytes: int) -> None:
 
 
 def run_limited(path: Path, command: Sequence[str], within_s: float) -> subprocess.CompletedProcess[bytes]:
-    """Run a command that reads a file, with a limit of its processor time.
+    """Run a command that reads a file in a child process, with a limit of its processor time.
 
     Parameters
     ----------
     path
         The file, for messages.
     command
-        A Python command of this program. The command receives the limit as its last argument: it calls
-        `child_arguments` and passes the last argument to `obey_processor_limit`.
+        The program and the arguments of the child process, such as ``[sys.executable, "-m", MODULE, FILE]``. This
+        function adds the limit as the last argument. The code of MODULE must read its arguments with `child_arguments`
+        and pass the last one to `obey_processor_limit`.
     within_s
         Limit of the processor time, s. On Windows, limit of the elapsed time.
 
     Returns
     -------
     subprocess.CompletedProcess
-        The command after its end. Its exit status is not negative.
+        The exit status and the output of the child process, which ended by itself. The exit status is 0, or a positive
+        number if the command reports an error.
 
     Raises
     ------

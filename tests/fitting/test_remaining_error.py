@@ -1,6 +1,9 @@
-"""The correction by the solid beam model leaves an error in the modulus, which is never zero.
+"""The modulus keeps an error after a fit is corrected by the solid beam model, and this error is never stated as zero.
 
-The error is a share of the effect of the correction, or of its last pass if the passes do not converge.
+A fit uses a planar beam model. Its residuals are then corrected to those of a solid (three-dimensional) model, and the
+fit is repeated (one pass). The effect of the correction is the change of the optimum by all passes. The stated error is
+a fixed share of the effect. If the passes do not converge, it is at least the change by the last pass. In all cases it
+is at least a fixed number of per cent of the modulus.
 """
 
 from __future__ import annotations

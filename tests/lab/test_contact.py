@@ -1,4 +1,9 @@
-"""A run detects the loss of its supply, reports the effect of a lost connection, and answers signals with messages."""
+"""A run reports what happened if its supply fails, if the connection to it is lost, or if a signal arrives.
+
+A run soon detects that the supply is off or does not reply. A dry run and the dataset state what the output of the
+supply does after a lost connection. After a signal of the operating system, such as SIGINT by Ctrl-C, the user gets a
+message: Ctrl-Z is refused, and other signals end the run with the coil off.
+"""
 
 from __future__ import annotations
 

@@ -94,9 +94,9 @@ def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colou
 
 
 def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
-    """A brown cut side of a green board on white belongs to the beam, and does not count as a shadow.
+    """The brown side face of a beam that is cut from a green board belongs to the beam, and is not taken for a shadow.
 
-    The side is darker than the white background.
+    The side face is visible beside the green face. Like a shadow, it is darker than the white background.
     """
     y, x = np.mgrid[0:280, 0:220].astype(float)
     image = np.full((280, 220, 3), 245.0)

@@ -58,10 +58,11 @@ def scpi(
     armed, disarmed : tuple of (str, str)
         The messages that start and stop the watchdog, each with its reply.
     **strings : str
-        The messages of the supply that differ from the messages of most supplies; both are listed by name in this
-        function, such as "volt". "protected?" contains the queries of the protections, each with its reply after an
-        equals sign. "mode" contains, in the same form, the queries of the settings on which a set-point depends.
-        "remote" is the message for remote control, which comes first.
+        The messages of this supply that differ from the messages of most supplies, by name, such as "volt". The
+        dictionary `family` in this function has the names and the messages of most supplies. "protected?" contains the
+        queries of the protections, each with its reply after an equals sign. "mode" contains, in the same form, the
+        queries of the settings on which a set-point depends. "remote", which is not in `family`, is the message for
+        remote control, which comes first.
     """
     family = {
         "volt": "VOLT 12.00",

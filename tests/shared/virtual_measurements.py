@@ -58,8 +58,8 @@ NORMAL = 1.96
 class Case:
     """One simulated experiment; its number, from 0, selects law, noise, specimen and section (planar or solid).
 
-    is_usual: whether the experiment is a planar neo-Hookean beam, and every uncertain input has its usual standard
-    uncertainty instead of the value in the files of the example bench.
+    is_usual: whether the experiment is a planar neo-Hookean beam with the usual standard uncertainty of every uncertain
+    input (`usual`). Otherwise the standard uncertainties are those in the files of the example bench (`stated`).
     """
 
     number: int

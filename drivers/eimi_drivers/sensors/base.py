@@ -29,13 +29,13 @@ IDENTITY = "*IDN?"
 class SensorBase(ABC):
     """Base class of drivers for sensors that answer every query with one line of text.
 
-    If the line was cut, the next query opens the line again. The driver then checks the identity of the sensor before
-    it uses further values.
+    If the connection was cut, the next query opens the connection again. The driver then checks the identity of the
+    sensor before it uses further values.
 
     Parameters
     ----------
     link : Transport
-        The line (the serial, USB or network connection) to the sensor. The constructor sends nothing.
+        The serial, USB or network connection to the sensor. The constructor sends nothing.
     clock : Clock
         The clock for all waits: real or simulated time.
 
@@ -46,11 +46,11 @@ class SensorBase(ABC):
     timeout_s : float
         The longest time that the driver waits for an answer, s.
     baud_rate : int
-        The speed of a serial line, bit/s.
+        The speed of a serial connection, bit/s.
     data_bits : int
-        The number of data bits on a serial line, 7 or 8.
+        The number of data bits on a serial connection, 7 or 8.
     parity : str
-        The parity on a serial line: "N" for none, "O" for odd, "E" for even.
+        The parity on a serial connection: "N" for none, "O" for odd, "E" for even.
     ends_with : bytes
         The bytes at the end of a query. An answer ends with a line feed.
     """
@@ -70,7 +70,7 @@ class SensorBase(ABC):
 
     @classmethod
     def connect(cls, address: str) -> Transport:
-        """Open the serial port or the VISA resource at the address, and return the line."""
+        """Open the serial port or the VISA resource at the address, and return the connection."""
         if is_serial_port(address):
             return SerialTransport(address, cls.baud_rate, cls.data_bits, cls.parity)
         return VisaTransport(address)

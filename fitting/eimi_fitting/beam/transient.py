@@ -219,13 +219,28 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return one step of Newton's method for the N nodes, (N, 2) in mm, and for the rigid body (the magnet), (3,).
+        """Return the changes of the displacements in one iteration of Newton's method, for the nodes and the magnet.
 
-        The three numbers of the body are its translation (x, y) in mm and its rotation in rad.
+        The changes have the shape (N, 2) in mm for N nodes, and (3,) for the magnet, which is a rigid body: translation
+        (x, y) in mm and rotation in rad. The inertia of the magnet is represented by two points that move with the
+        magnet. Each point has half of its mass, and their distance gives its rotary inertia.
 
-        ``ev`` has the forces and stresses of the present displacements, and ``remembered`` the stress that remains from
-        earlier deformations. ``pushed`` has the accelerations of the nodes, and ``pulled`` the accelerations of the two
-        mass points that stand for the body. ``inertia`` is the derivative of an acceleration by a displacement in 1/s².
+        Parameters
+        ----------
+        ev
+            Forces and stresses at the present displacements.
+        remembered
+            The stress that remains from earlier deformations.
+        loads
+            The loads on the mesh at the end of the time step.
+        pushed
+            Accelerations of the nodes, from which their inertial forces are computed.
+        pulled
+            Accelerations of the two points of the magnet, from which its inertial force and moment are computed.
+        inertia
+            Derivative of an acceleration by a displacement, in 1/s²; 0 if inertia is neglected.
+        rigid
+            The present displacement of the magnet, (3,).
         """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)

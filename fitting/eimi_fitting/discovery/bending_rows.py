@@ -124,11 +124,14 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals (misfit) of the best beam model of an experiment, and the remaining error of the model.
+    """Return the residuals (misfit) of the more accurate of two beam models, and an estimate of its error.
 
-    The remaining error is a standard deviation for each residual, with the shape (K, G, m) for G groups (edges, or x
-    and y) of m points in K states. It is `Refinement.remaining_share` times the difference between the residuals of the
-    best model and the residuals of the coarser model (`inference.evidence.corrections`).
+    The more accurate model is the three-dimensional model for a solid section, and a planar model with a finer mesh for
+    other sections. The other model is a coarser planar model. Both models use the law with the coefficients ``about``.
+
+    The error is a standard deviation for each residual, with the shape (K, G, m) for G groups (edges, or x and y) of m
+    points in K states. It is the share `Refinement.remaining_share` of the difference between the residuals of the two
+    models (`inference.evidence.corrections`).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))

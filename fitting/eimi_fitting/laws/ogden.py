@@ -6,11 +6,13 @@ exponent alpha_p.
 Planar energy. With c = a/(2 J) (`laws.law` defines a and J), the two stretches lambda1 and lambda2 in the plane appear
 as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 
-Stability. The Hessian (defined in `laws.stability`) is diagonal with the entries f(ln lambda_i), where f(e) = sum over
-p of mu_p alpha_p exp(alpha_p e). The restricted quadratic form increases with each entry. A lower bound of f on
-intervals therefore proves that all deformations of a cell of stretches are stable (`laws.stable_cells`). Unlike a scan,
-this proof cannot overlook an unstable deformation between sampled deformations. A cell that cannot be proved stable
-counts as unstable.
+Stability. The Hessian of the energy by the logarithmic stretches is diagonal with the entries f(ln lambda_i), where
+f(e) = sum over p of mu_p alpha_p exp(alpha_p e). A deformation is stable if sum over i of f(ln lambda_i) d_i^2 is
+positive for all increments d_i of the logarithmic stretches whose sum is zero (`laws.stability`). This sum increases
+with each f. The deformations are divided into cells, in each of which every ln lambda_i stays within an interval. If
+the sum is positive with lower bounds of f on these intervals, all deformations of the cell are stable
+(`laws.stable_cells`). Unlike a scan, this proof cannot overlook an unstable deformation between sampled deformations. A
+cell that cannot be proved stable counts as unstable.
 
 Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
 is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without both

@@ -295,7 +295,11 @@ def _lasting(values: Array, size: int) -> Array:
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Return n evenly spaced times (n,) in s, and r reduced signals interpolated at these times, (n, r)."""
+    """Return n evenly spaced times (n,) in s, and the r reduced signals interpolated at these times, (n, r).
+
+    The reduced signals are the few independent signals whose linear combinations give the motion of all points of the
+    beam (`Signals.reduced`).
+    """
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))
     values = np.stack([np.interp(uniform, time, z) for z in signals.reduced.T], axis=1)

@@ -6,8 +6,9 @@ unknowns x, the maximum of the posterior is the minimum of
 
     chi² = |r(x)|² + sum ((x - mean) / sigma)²,
 
-where mean and sigma are the means and standard deviations of the prior. The evidence Z, the probability density of the
-data for a given number of terms, is computed by Laplace's approximation (MacKay 2003, Information Theory, chapter 27),
+where mean and sigma are the means and standard deviations of the prior. The marginal likelihood Z, the probability
+density of the data for a given number of terms, is computed by Laplace's approximation (MacKay 2003, Information
+Theory, chapter 27, where Z is called evidence),
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
@@ -70,16 +71,16 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law with a given number of terms to the evidence.
+    """The fit of a viscoelastic law with a given number of terms to the data.
 
-    The evidence is ring-downs (free vibrations), recordings of creep, and static states.
+    The data are ring-downs (free vibrations), recordings of creep, and static states.
 
     Attributes
     ----------
     terms : Terms
         The unknowns of the law, with their priors.
     evidence : tuple of Evidence
-        The ring-downs, the recordings of creep and the static states.
+        The data: the ring-downs, the recordings of creep and the static states.
     load_sigma : float
         Prior standard deviation of the logarithm of the factor on the magnetic loads.
     """
@@ -102,7 +103,7 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the evidence (vibrations, creep and static states) for P candidate laws, (P, k).
+        """Return the k residuals of the data (vibrations, creep and static states) for P candidate laws, (P, k).
 
         unknowns: the m unknowns of each candidate, (P, m).
         """
@@ -121,7 +122,7 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the k residuals of the evidence change if an uncertain input (a source) changes.
+        """Return how the k residuals of the data change if an uncertain input (a source) changes.
 
         Each source alone changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`.
         The result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
@@ -161,11 +162,11 @@ class TimeOptimum:
     unknowns : ndarray, shape (m,)
         The m unknowns at the optimum, in the order of `Problem.mean`.
     jacobian : ndarray, shape (k + m, m)
-        Derivatives of the k residuals of the evidence and the m residuals of the priors by the unknowns.
+        Derivatives of the k residuals of the data and the m residuals of the priors by the unknowns.
     chi2 : float
-        Sum of the squared residuals of the evidence, without the priors.
+        Sum of the squared residuals of the data, without the priors.
     log_evidence : float
-        Logarithm ln Z of the evidence (probability density of the data) for this number of terms.
+        Logarithm ln Z of the marginal likelihood Z (the probability density of the data for this number of terms).
     evaluations : int
         Number of candidates that were computed.
     converged : bool

@@ -119,7 +119,11 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return the source of each number in a report's figures of a fit: field, factor and unit, by figure."""
+    """Return, for each figure of one fit in a report, where the printed numbers come from.
+
+    The entry of a number has its field in the stored results of the fit, the factor between the field and the printed
+    number, and the unit (`traced`).
+    """
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
     record = replace(
@@ -146,7 +150,12 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return the source of each number in the figures of two fits' predictions: field, factor and unit, by figure."""
+    """Return, for each figure that compares the predictions of two laws, where the printed numbers come from.
+
+    The predictions are invented numbers in `content`. The entry of a printed number has its field in `content`, such as
+    `states.0.field_mT`, the factor between the field and the printed number, and the unit (`traced`). `fit` gives the
+    law of both predictions; the figures show the second law as the law of a tensile fit.
+    """
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
         "fits": [

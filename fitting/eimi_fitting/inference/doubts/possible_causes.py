@@ -319,8 +319,10 @@ def _lagging(loads: Loads, amplitudes: Array) -> Loads:
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
     """Return the loads with a field that varies in space: with two gradients, and a curvature along the coil's axis.
 
-    A gradient is the relative change of the field strength per metre. The three amplitudes are the gradients along x
-    and along y of the beam, and the gradient at 10 mm from the centre that the curvature causes.
+    A gradient is the relative change of the field strength per metre. The first two amplitudes are constant gradients
+    along x and along y of the beam. The third amplitude gives the size of the curvature: a curved field has a gradient
+    that grows in proportion to the distance from the magnet at rest along the axis, and the amplitude is this gradient
+    at a distance of 10 mm.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))

@@ -111,9 +111,11 @@ def is_open(modulus: Quantity) -> bool:
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return for which parameters more than half of the variance comes from coordinates that only bounds limit.
+    """Return which parameters of a law are limited mainly by the bounds of the search instead of the data.
 
-    A coordinate is a quantity that the search varies within bounds, such as the initial shear modulus.
+    A coordinate is a quantity that the search varies within bounds, such as the initial shear modulus. The data may not
+    determine a coordinate; then only its bounds limit its uncertainty. A parameter counts as held by the bounds if more
+    than half of its variance comes from such coordinates.
 
     Parameters
     ----------
