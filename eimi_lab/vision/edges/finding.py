@@ -225,11 +225,11 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
     not lie in front of a back-light, and its silhouette is also in doubt if a flag makes its edges unusable.
     """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
-    if np.ndim(image) == 3:
-        return bool(judge(doubts, search.limits, search.words()))
-    if not lit_beam:
+    if np.ndim(image) == 2 and lit_beam:
+        return leaves_out(judge(doubts, search.limits, search.words()))
+    if np.ndim(image) == 2:
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
-    return leaves_out(judge(doubts, search.limits, search.words()))
+    return bool(judge(doubts, search.limits, search.words()))
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
