@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from eimi_fitting.laws import LAWS
+from eimi_lab.showing.significant import significant
 from eimi_lab.study.errors_by_route import mean_deviation_um, mean_error_um
 from eimi_lab.study.extent import SECTIONS
 from eimi_lab.study.hidden_materials import MATERIALS
@@ -99,7 +100,8 @@ def _values(route: Route) -> str:
     law = LAWS[route.law]
     named = zip(law.parameter_names, law.units, route.values, strict=True)
     return ", ".join(
-        f"{name} {v / 1e3 + 0.0:.4g} kPa" if unit == "Pa" else f"{name} {v:.3g}" for name, unit, v in named
+        f"{name} {significant(v / 1e3, 4)} kPa" if unit == "Pa" else f"{name} {significant(v, 3)}"
+        for name, unit, v in named
     )
 
 

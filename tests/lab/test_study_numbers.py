@@ -60,6 +60,6 @@ def test_tables_have_moduli_in_kilopascal_and_errors_in_micrometres() -> None:
         bending={(key, "solid"): [fit]},
     )
     for row in parameters(findings, key).rows:
-        assert row[1:] == ("bending", "neo-hookean", "mu 46.3 kPa", "46.3", "20 (5)", "∞ (∞)")
+        assert row[1:] == ("bending", "neo-hookean", "mu 46.30 kPa", "46.3", "20 (5)", "∞ (∞)")
     (row,) = searches(findings).rows
     assert row[2:8] == ("neo-hookean", "80", "10", "3", "12.3", "4.5")
