@@ -43,7 +43,9 @@ def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
     hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}
-    checks = {line.removeprefix(".venv/bin/") for line in script.splitlines() if line.startswith(".venv/bin/")}
+    checks = {
+        line.removeprefix(".venv/bin/") for line in map(str.strip, script.splitlines()) if line.startswith(".venv/bin/")
+    }
     for check in ("ruff check", "ruff format --check", "mypy", "lint-imports"):
         assert check in checks
         assert check in lint

@@ -55,7 +55,8 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     """
     origins = list(dict.fromkeys(shown.origin for shown in fits))
     several = len(fits) > 1
-    drawing = Drawing(1.7 * len(origins) + 1.2 * several + 0.5)
+    # The rows of many kinds of data are lower, so that the figure fits on a printed page beside other parts.
+    drawing = Drawing(min(1.7 * len(origins), 0.9 * len(origins) + 1.6) + 1.2 * several + 0.5)
     rows = len(origins) + several
     heights = [1.0] * len(origins) + [0.7] * several
     grid = drawing.subplots(rows, len(MODES), sharex=True, sharey="row", squeeze=False, height_ratios=heights)
