@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -86,6 +87,23 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
     return report
+
+
+@pytest.fixture(autouse=True)
+def log_as_before() -> Iterator[None]:
+    """After each test, give the loggers of the project the settings that they had before the test."""
+    loggers = [
+        logger
+        for name, logger in logging.Logger.manager.loggerDict.items()
+        if name.startswith("eimi_") and isinstance(logger, logging.Logger)
+    ]
+    before = [(logger.level, logger.propagate, logger.disabled, list(logger.handlers)) for logger in loggers]
+    disabled = logging.Logger.manager.disable
+    yield
+    logging.disable(disabled)
+    for logger, (level, propagates, is_disabled, handlers) in zip(loggers, before, strict=True):
+        logger.setLevel(level)
+        logger.propagate, logger.disabled, logger.handlers[:] = propagates, is_disabled, handlers
 
 
 @pytest.fixture(scope="session")
