@@ -82,7 +82,7 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
                     curve = stress_curve(shown, np.union1d(strain, [end] if end < strain[-1] else []), mode)
                     _draw(axes, curve, end)
                     top = top if points else max(top, float(curve.stress_Pa.max()))
-            label(axes, mode.strain + ", %", "\n".join([*wrap(f"fitted to {origin}", 30), "stress, kPa"]))
+            label(axes, mode.strain + ", %", "\n".join([*wrap(f"fitted to {origin}", 18), "stress, kPa"]))
             axes.set_xlim(0, 100 * strain[-1])
             axes.label_outer()
     for axes, mode in zip(grid[0], MODES, strict=True):
