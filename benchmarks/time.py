@@ -19,8 +19,9 @@ from scipy.interpolate import CubicSpline
 
 from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
 from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.modal_motion import complex_roots
 from eimi_fitting.beam.transient import Transient
-from eimi_fitting.beam.vibration import Vibration, complex_roots
+from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.inference.evidence.sources import StatedSource, specimen_under
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of

@@ -251,10 +251,12 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """Let fits share tables of frequencies and curves of the loads while the context lasts; keep them in a file.
+    """While the `with` block runs, compute each table of frequencies and each curve of loads once for all fits.
 
-    The tables and curves depend on the modulus. They are computed only at moduli whose logarithms are multiples of
-    `TABLE_STEP`, and a fit uses those at the nearest of these moduli. store: the file.
+    A table contains the frequencies of a beam for a range of moduli. A curve contains the moment of the loads for a
+    range of rotations of the tip. Both depend on the modulus. They are computed only at moduli whose logarithms are
+    multiples of `TABLE_STEP`, and a fit uses the table and the curve at the nearest of these moduli. At the end, tables
+    and curves are written to the file `store`, from which the next run of the benchmark reads them.
     """
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)

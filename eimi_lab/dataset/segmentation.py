@@ -86,10 +86,7 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The mean image of each state (load step) of a dataset.
-
-    The images are corrected by the stored dark frame (taken without light) and flat field (the bare back-light).
-    """
+    """The mean image of each state of a dataset, corrected by dark frame (no light) and flat field (no beam)."""
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""

@@ -111,10 +111,10 @@ def numbered_loads(rows: list[Row]) -> dict[int, Load]:
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError if a state (load step) has a tip force of unknown direction.
+    """Raise InputError if no file gives the direction of the tip force in a state (load step).
 
-    By default a tip force has the direction of gravity. If gravity is unknown (``gravity_angle_deg`` is None), the
-    table of states (``states``) must give the direction of each tip force.
+    By default a tip force has the direction of gravity. If the direction of gravity is unknown (``gravity_angle_deg``
+    is None), the table of states (``states``) must give the direction of each tip force.
     """
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:

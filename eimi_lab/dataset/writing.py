@@ -332,9 +332,7 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames that were taken in addition to the frames of the states (load steps).
-
-        When this function returns, the frames survive a crash.
+        """Store frames beside those of the states (load steps). When this function returns, they survive a crash.
 
         Raises ValueError if a frame differs from the frames of the file, and StorageFailed if the file cannot be
         written.

@@ -80,7 +80,7 @@ AT_THE_PAGE = {
     CONTINUE_PAUSED: "Resume continues the run, STOP ends it",
     CONTINUE_ENDED: "to continue the run, tick “continue this dataset” and press Start",
 }
-"""For the instructions to a person at a terminal: the instructions to a person at the page."""
+"""What a user of the page has to do, by the instruction that a run gives to a user of a terminal."""
 
 AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the kernel merges two equal ones
 
@@ -403,7 +403,11 @@ class BenchRun:
 
 
 def _at_the_page(words: str) -> str:
-    """Return a message of a run in which instructions for the page replace instructions for a terminal."""
+    """Return the message of a run as the page shows it.
+
+    The message may tell a user of a terminal what to do, such as to give an option. Each such instruction is replaced
+    by what a user of the page has to do, such as to press a button.
+    """
     for at_a_terminal, at_the_page in AT_THE_PAGE.items():
         words = words.replace(at_a_terminal, at_the_page)
     return words

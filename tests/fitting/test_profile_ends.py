@@ -79,9 +79,10 @@ def test_only_the_checked_ends_are_compared_with_the_profile_likelihood() -> Non
 
 
 def test_the_ends_of_a_skew_deviance_have_the_deviance_of_the_end() -> None:
-    """Both ends of an interval are at the target of the deviance, 4, also if the deviance is not symmetric.
+    """Each end of an interval lies where the deviance is 4, also if the deviance is not symmetric about the optimum.
 
-    The deviance of this test rises exponentially, so that the lower end is farther away than the upper end.
+    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it rises exponentially on
+    one side of the optimum. The lower end is therefore farther from the optimum than the upper end.
     """
     rate = 12.0
 

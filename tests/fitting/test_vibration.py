@@ -11,8 +11,9 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
 from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
+from eimi_fitting.beam.modal_motion import complex_roots
 from eimi_fitting.beam.solid_model import SolidModel
-from eimi_fitting.beam.vibration import Vibration, complex_roots
+from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.laws.prony import Prony
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
-"""The instruments of a real bench are opened in the right order, and closed in the reverse order.
+"""A run opens lock, guardian, supply, sensors and camera of a bench in this order, and closes them in reverse order.
 
-The tests use replacements for the instruments.
+The tests use replacements for the instruments. A replacement records the calls of its methods.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from eimi_lab.virtual import virtual_rig
 
 
 class Instrument:
-    """A replacement for a supply, a camera or a sensor, which records when it is closed."""
+    """A replacement for a supply, a camera or a sensor, which records that it was closed."""
 
     settings = CameraSettings(gain=3.0)
 

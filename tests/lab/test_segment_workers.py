@@ -39,7 +39,10 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return every array of a dataset as bytes, by its name; the date of the edges is left out."""
+    """Return the contents of all arrays of a dataset: a dictionary from the name of an array to its bytes.
+
+    The date at which the edges were found is left out, because it differs between two equal datasets.
+    """
     arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:

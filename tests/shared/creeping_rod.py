@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from eimi_fitting.beam.vibration import complex_roots
+from eimi_fitting.beam.modal_motion import complex_roots
 from eimi_fitting.laws.prony import Prony
 from eimi_lab.virtual.rod import Rod
 

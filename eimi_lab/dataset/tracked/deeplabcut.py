@@ -21,10 +21,11 @@ _HEADER = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_deeplabcut(path: Path) -> Tracks:
-    """Return the body parts in a DeepLabCut file as tracks (positions of points in frames), in pixels.
+    """Read a DeepLabCut file, and return a track for each tracked point: its position in each frame, in px.
 
-    If the file has several animals, the name of a track is the name of the animal and the body part. A position with a
-    likelihood below `LEAST_LIKELIHOOD` counts as not seen. Raises InputError if DeepLabCut did not write the file.
+    DeepLabCut calls a tracked point a body part. If the file has several animals, the name of a track consists of the
+    name of the animal and the name of the body part. A position with a likelihood below `LEAST_LIKELIHOOD` counts as
+    not found. Raises InputError if DeepLabCut did not write the file.
     """
     rows = read_cells(path, ",")
     header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}

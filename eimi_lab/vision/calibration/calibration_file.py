@@ -169,9 +169,10 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens; return the lens, and the distance (mm) from the lens to the board in the beam's plane.
+    """Calibrate the lens with all images of the board, and return the lens and its distance (mm) from the beam.
 
-    `views` contains the points of the board that were found in each image, and `size` the size of the images (px).
+    `views` contains the points of the board that were found in each image. In the image `mid_plane`, the board lies in
+    the plane in which the beam bends. `size` is the width and the height of the images in px.
     """
     try:
         lens = calibrate_lens(list(views.values()), size)

@@ -156,8 +156,9 @@ def measure_bench(
 
 
 def _region(clamp: tuple[float, float], reach_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, width and height (px) of the rectangle of the picture that the beam can reach.
+    """Return the part of the picture that contains every possible position of the beam.
 
+    The part is a rectangle: the column of its left side, the row of its upper side, its width and its height, in px.
     `reach_px` is the largest distance of the beam from the clamp, and `size` the width and height of the picture, px.
     """
     left, top = (max(0, math.floor(middle - reach_px)) for middle in clamp)

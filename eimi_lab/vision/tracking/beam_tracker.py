@@ -191,10 +191,11 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Return the centre line of the beam near a curve: the middle of the band that contrasts with both its sides.
+        """Search for the beam near a curve, and return the centre line of the beam; None if too few points are found.
 
-        A band is a strip as wide as the beam. reach: largest distance of the band from the curve, in beam widths.
-        Return None if the band is detected at too few points.
+        At each point of the curve, the search finds the strip that is as wide as the beam and differs most in grey
+        level from the picture on both sides of the strip. reach: largest distance of this strip from the curve, in
+        beam widths.
         """
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)

@@ -28,7 +28,8 @@ band           band matrices of a whole batch
 path           solution of a sequence of states, one after another or all at once
 inertia        masses of the silicone and of the magnet
 transient      the motion of the beam in time, with inertia and with the internal variables of viscoelastic laws
-vibration      small vibrations about an equilibrium, and their complex frequencies
+vibration      small vibrations about an equilibrium: shapes, and matrices of stiffness and mass
+modal_motion   the motion as a sum of a few shapes: frequencies and complex rates
 twist          the twist by a magnet whose moment has a component normal to the plane
 outline        the edges that a camera sees
 view           the perspective of a camera

@@ -12,8 +12,8 @@ lowest undamped modes of each candidate law. The rates s can then be computed qu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from eimi_fitting.beam.equilibrium import Configuration, Solid, SolidLoads
 from eimi_fitting.beam.inertia import MM_PER_M, Inertia
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.modal_motion import ReducedMotion
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import Candidates, candidates
 from eimi_fitting.beam.rigid import dead_moment
@@ -35,170 +36,7 @@ ComplexArray = NDArray[np.complex128]
 _SHAPES = 8  # in the subspace iteration; the first four become accurate
 _PASSES = 40
 _SAME = 1e-9  # relative change of the wanted eigenvalues at which the iteration ends
-_ROOT_STEPS = 100
-_DEPENDENT = 1e-10  # shapes whose mass is smaller than this share of the largest are sums of others
-_IMMOBILE = 1e18  # 1/s²
 _TOLERANCE_MM = 1e-5
-
-
-@dataclass(frozen=True)
-class ReducedMotion:
-    """The matrices of small motions of B candidate laws, reduced to m shapes.
-
-    K_m is the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the
-    mass matrix.
-
-    Attributes
-    ----------
-    material, rest, mass : ndarray, shape (B, m, m)
-        The matrices K_m and K_g in N/mm, and M in N s²/mm, for the fraction of the specimen that the mesh represents.
-    nodal : ndarray, shape (m, B, N, d)
-        Displacements of the N nodes with d coordinates in each shape, in mm.
-    rigid : ndarray, shape (m, B, 3)
-        Translation of the magnet in mm, and rotation of the magnet in rad, in each shape.
-    sound : ndarray of bool, shape (B,)
-        Whether each candidate has a stable equilibrium.
-    """
-
-    material: Array
-    rest: Array
-    mass: Array
-    nodal: Array
-    rigid: Array
-    sound: NDArray[np.bool_]
-
-    def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest undamped frequencies, with the modulus of the equilibrium, (B, count) in Hz.
-
-        There are B candidate laws.
-        """
-        square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
-        return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
-
-    def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest ``count`` vibrations of B candidate laws, (B, count) in 1/s.
-
-        ratio: the complex modulus at the rate s divided by the modulus of the equilibrium, r(s); see `complex_roots`.
-        """
-        return complex_roots(self.material, self.rest, self.mass, ratio, count)
-
-    def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of the reduced motion of only the candidate laws with the indices ``rows``."""
-        return ReducedMotion(
-            self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
-            self.sound[rows],
-        )  # fmt: skip
-
-
-def complex_roots(
-    material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
-) -> ComplexArray:
-    """Return the complex rates s of damped vibrations, the solutions of det(r(s) K_m + K_g + s² M) = 0.
-
-    Only rates with a positive imaginary part (frequency) are returned.
-
-    Parameters
-    ----------
-    material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law, the
-        stiffness due to stresses and loads, and the mass.
-    ratio : callable
-        The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
-        equilibrium, (B, count).
-    count : int
-        Number of modes; at most the number of shapes is returned.
-
-    Returns
-    -------
-    ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN for a mode that does not vibrate.
-    """
-    count = min(count, material.shape[-1])
-    of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
-    modes = np.arange(count)
-
-    def squares(stiffening: ComplexArray) -> ComplexArray:
-        values = np.linalg.eigvals(stiffening[..., None, None] * of_material + of_rest)
-        return np.asarray(np.sort_complex(values)[:, modes, modes])
-
-    return fixed_point(squares, ratio, (len(material), count))
-
-
-def fixed_point(
-    squares: Callable[[ComplexArray], ComplexArray],
-    ratio: Callable[[ComplexArray], ComplexArray],
-    size: tuple[int, int],
-) -> ComplexArray:
-    """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration with Aitken's acceleration.
-
-    lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M. K_m is the stiffness due to the tangent of
-    the law, K_g the stiffness due to stresses and loads, and r the complex modulus divided by the modulus of the
-    equilibrium.
-
-    Parameters
-    ----------
-    squares : callable
-        Takes values of r (B, count), and returns the eigenvalues lambda(r), (B, count) in 1/s².
-    ratio : callable
-        The function r(s): takes rates s (B, count), and returns values of r (B, count).
-    size : tuple of int
-        The number B of candidate laws, and the number of modes (count).
-
-    Returns
-    -------
-    ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN where the iteration does not converge, or where the mode does not vibrate.
-    """
-
-    def next_root(s: ComplexArray) -> ComplexArray:
-        return np.asarray(1j * np.sqrt(squares(ratio(s))))
-
-    with np.errstate(all="ignore"):
-        s: ComplexArray = 1j * np.sqrt(squares(np.ones(size, complex)))
-        for _ in range(_ROOT_STEPS):
-            first = next_root(s)
-            second = next_root(first)
-            bend = second - 2 * first + s
-            s_next = np.where(np.abs(bend) > 1e-14 * np.abs(s), s - (first - s) ** 2 / bend, second)
-            done = np.asarray(np.abs(s_next - s) <= 1e-12 * np.abs(s_next))
-            s = s_next
-            if np.all(done | ~np.isfinite(s)):
-                break
-    return np.where(done & (s.imag > 0), s, np.nan + 1j * np.nan)
-
-
-def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest squared angular frequencies for each of q ratios r, (B, q, count) in 1/s².
-
-    The ratio r is the modulus in a vibration divided by the modulus of the equilibrium. The squared frequencies are the
-    eigenvalues of the stiffness r K_m + K_g and the mass M.
-
-    material, rest, mass: K_m, K_g and M of B candidate laws, reduced to m shapes, (B, m, m): stiffness due to the
-    tangent of the law, stiffness due to stresses and loads, mass. stiffening: the q real ratios r, (q,).
-    """
-    of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
-    return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
-
-
-def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the stiffness matrices K_m and K_g in coordinates in which M is the unit matrix, (B, m, m) each.
-
-    There are B candidate laws and m shapes. K_m is the stiffness due to the tangent of the law, K_g the stiffness due
-    to stresses and loads, and M the mass.
-
-    A shape that is nearly a sum of other shapes gets a stiffness that is larger than the stiffness of all other shapes,
-    because it adds no motion. If a matrix of a candidate has entries that are not finite, both stiffness matrices of
-    this candidate are replaced by 0.
-    """
-    sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
-    mass = np.where(sound, mass, np.eye(mass.shape[-1]))
-    material, rest = (np.where(sound, part, 0.0) for part in (material, rest))
-    scale = 1 / np.sqrt(np.einsum("bmm->bm", mass))
-    values, vectors = np.linalg.eigh(mass * scale[:, :, None] * scale[:, None, :])
-    kept = values > _DEPENDENT * values[:, -1:]
-    half = scale[:, :, None] * vectors * np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)[:, None]
-    of_material, of_rest = (half.swapaxes(-1, -2) @ part @ half for part in (material, rest))
-    return of_material, of_rest + np.where(kept, 0.0, _IMMOBILE)[:, :, None] * np.eye(mass.shape[-1])
 
 
 class Vibration:

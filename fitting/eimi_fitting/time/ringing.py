@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.loads import Loads
+from eimi_fitting.beam.modal_motion import fixed_point, squares_by_stiffening
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import candidates
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import STANDARD_GRAVITY, Specimen
-from eimi_fitting.beam.vibration import Vibration, fixed_point, squares_by_stiffening
+from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.inference.evidence.sources import SOURCES, loads_under, specimen_under
 from eimi_fitting.laws.law import Law
 

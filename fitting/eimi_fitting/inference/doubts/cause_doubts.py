@@ -48,7 +48,8 @@ def cause_doubts(
             words = "no listed cause and no pair of listed causes explains the residuals"
             return (Doubt(words, dataset, short="the residuals have an unknown cause", kind="cause"),)
         return ()
-    # A cause that is like a cause in the fit explains no further residuals.
+    # The fit already determines some causes. Causes whose residuals are similar to theirs are left out, because they
+    # would explain the same residuals.
     others = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
     if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final, experiments):
         return ()

@@ -77,7 +77,8 @@ def estimate_beside(
     changes = [after - misfit.residuals[0] for after, misfit in zip(remaining, misfits, strict=True)]
     changed, reached = _with(problem, optimum, changes)
     about = linearise(changed, reached)
-    # The changes leave the optimum where it is, to first order.
+    # Without the residuals of the causes, the optimum would move by `step`. The effect of this step on the residuals is
+    # added, so that the optimum stays the optimum of the fit to first order.
     step = -np.linalg.solve(about.hessian, about.score)
     held = [np.tensordot(step, states.slopes, axes=1) for states in about.states]
     changed, reached = _with(problem, optimum, [change + more for change, more in zip(changes, held, strict=True)])
