@@ -81,10 +81,11 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return a text on the laws fitted to bending with which a beam of the study has no equilibrium.
+    """Return sentences that name each law fitted to bending with which a beam of the study has no equilibrium.
 
-    Only types of specimen to which no law was fitted are considered. The text gives the largest stable stretch of each
-    of these laws. `key` is the material, and `section` the model of the cross-section.
+    A sentence also names the types of specimen without equilibrium, and the stretch up to which the law is stable. Only
+    types of specimen to which no law was fitted are considered. `key` names the material, and `section` the model of
+    the cross-section. The text is empty if all beams have an equilibrium.
     """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):

@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str, Any]]:
     """Compute the errors of identified laws on one specimen.
 
-    A depth correction is the change of the simulated edges from a planar to a solid beam model. The correction of the
-    first law is the starting point for the other laws, which saves time.
+    The edges are simulated with a planar beam model. They are then corrected by the difference between the edges of a
+    solid and of a planar beam (the depth correction). The depth correction of the first law is the starting point for
+    the other laws, which saves time.
 
     Parameters
     ----------

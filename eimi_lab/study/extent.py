@@ -30,7 +30,8 @@ class Extent:
     open_questions : bool
         Whether the questions that Di Lecce et al. 2022 leave open are answered (module `open_questions`).
     cases : int
-        Largest number of cases, such as magnets, that answer an open question; largest number of seeds of an optimiser.
+        Largest number of cases that are computed for an open question, for example of different magnets. It also limits
+        the number of seeds, and of laws, with which the optimisers are compared.
     """
 
     materials: tuple[str, ...] = ("dragon_skin_10", "ecoflex_00_50")

@@ -190,9 +190,10 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 
 
 def _by_field(findings: Findings) -> Figure:
-    """Draw figure 9: the error against the field, as the mean over the types to which no law was fitted.
+    """Draw figure 9: the error of each law against the field.
 
-    Type 4, which twists, is left out if there are other such types.
+    The error is the mean over the types of specimen to which no law was fitted. Type 4 is left out because it twists,
+    unless it is the only such type.
     """
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)

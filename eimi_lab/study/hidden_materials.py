@@ -45,8 +45,9 @@ class _OfOneShape(InvariantLaw):
 class PowersOfFirstInvariant(_OfOneShape):
     """A law with three powers of the first invariant I1 and a linear term in the second invariant I2; see `formula`.
 
-    The sum of the powers is the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The shares m of the powers and the
-    share c of the term in I2 fulfil Σ m + 2 c = 1, so that mu is the initial shear modulus.
+    The sum over the powers a (`powers`), with the weights m (`shares`), is the law of Lopez-Pamies (2010, C. R.
+    Mécanique 338:3). The factor c of the term in I2 is `second`. The weights are chosen such that Σ m + 2 c = 1. The
+    factor mu is then the initial shear modulus.
     """
 
     name = "powers of I1, and I2"

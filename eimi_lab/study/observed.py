@@ -103,9 +103,10 @@ def measured_edges_mm(key: str, kind: str, extent: Extent) -> Array:
 
 
 def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Array:
-    """Return normal noise in mm in an array of this shape.
+    """Return random errors of edge points in mm, from a normal distribution with the standard deviation `sigma_mm`.
 
-    The text ``of``, such as the name of a specimen, is the seed of the random numbers.
+    `shape` is the shape of the returned array. The text `of`, for example the name of a specimen, seeds the random
+    numbers: the same text always gives the same errors.
     """
     return np.random.default_rng(zlib.crc32(of.encode())).normal(0.0, sigma_mm, shape)
 

@@ -42,11 +42,11 @@ STATES = (2, 3, 6, 11, 16)
 
 
 def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit materials of finite bulk modulus, once as incompressible and once with a fitted bulk modulus.
+    """Fit beams of a compressible material in three ways, and return the errors of the fitted shear modulus.
 
-    The incompressible fits are made once with a solid section and once in plane strain. The fit of the bulk
-    modulus uses plane strain, because the search can fit a bulk modulus only in plane strain. The edges of each fit
-    are simulated with the same section assumption (model of the cross-section) as the fit.
+    The first two fits assume an incompressible material: one with a solid cross-section, one in plane strain. The
+    third fit also searches the bulk modulus, which the search can do only in plane strain. The measured edges of each
+    fit are simulated with the same model of the cross-section as the fit.
 
     Parameters
     ----------
@@ -93,12 +93,14 @@ def compressibility(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Fit a beam whose magnet is stronger than the specimen file says.
+    """Fit a beam whose magnet is stronger than the specimen file says, and return the errors of the fitted modulus.
 
-    The magnetic moment is first taken from the file as exact, and is then fitted with a prior (a normal distribution
-    about the value in the file).
-    The torque on a rigid dipole depends only on the product of moment and field. The stronger magnet is therefore
-    simulated by a stronger field. Each returned row holds the result for one magnet and one prior.
+    Each row of the result holds one case. In some cases the magnetic moment of the file is taken as exact. In the
+    others the moment is fitted together with the modulus, with a normal prior about the moment of the file. One case
+    has a magnet as strong as the file says, for comparison.
+
+    The torque on a rigid magnet depends only on the product of moment and field. A stronger magnet is therefore
+    simulated by a stronger field.
     """
     off, percent = 1 + MOMENT_OFF, f"{100 * MOMENT_OFF:g}"
     settings: tuple[tuple[str, float, float | None], ...] = (
@@ -131,12 +133,11 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 
 
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
-    """Compute the half-width of the 95 % interval of the modulus, in per cent, for several numbers of states.
+    """Return, for several numbers of states, the half-width of the 95 % interval of the modulus, in per cent.
 
-    For each standard deviation σ of the noise, the half-width is predicted as 1.96 σ / s. Here s is the root of the sum
-    of squares of the displacements of all edge points, divided by the relative change of the modulus that causes the
-    displacements. The errors of the edge points are assumed independent. A fit with a noise of 0.1 px is computed for
-    comparison.
+    The half-width is predicted for several standard deviations σ of the errors of the edge points (mm), as 100 · 1.96 σ
+    / s, with the sensitivity s of the edges to the modulus (`_sensitivity_mm`). This prediction assumes independent
+    errors. For comparison, a fit is computed to edges with errors of 0.1 px.
     """
     rows = []
     for count in STATES[: extent.cases]:
@@ -172,10 +173,10 @@ def _fit(
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:
-    """Return the sensitivity of the edges to the modulus (mm).
+    """Return the sensitivity s of the edges to the modulus, mm.
 
-    The sensitivity is the root of the sum of squares of the displacements of all edge points, divided by the relative
-    change of the modulus that causes the displacements.
+    If the modulus changes by the small fraction p, the edge points move by the distances d_i, and s = sqrt(Σ d_i²) / p.
+    With independent errors σ of the edge points, the relative standard deviation of the fitted modulus is σ / s.
     """
     step = 1e-3
     around = PLAIN.modulus_Pa * np.array([[1 - step], [1 + step]])

@@ -161,10 +161,10 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return two ratios of errors of laws fitted to tension and laws fitted to bending.
+        """Return how many times larger the errors of laws fitted to tension are, as a range (lowest, highest).
 
-        The smallest error of the laws fitted to tension is divided by the largest error of the laws fitted to bending,
-        and then by the smallest error of the laws fitted to bending.
+        The smallest error of the laws fitted to tension is divided by the largest and by the smallest error of the laws
+        fitted to bending.
         """
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 
@@ -210,10 +210,9 @@ def advantages(findings: Findings, kinds: Sequence[str], source: str = "own") ->
 
 
 def untwisted(findings: Findings) -> list[str]:
-    """Return the types of specimen to which no law was fitted, without the type that twists.
+    """Return the types of specimen to which no law was fitted, without type 4, which twists in the field.
 
-    If a law was fitted to every type except the type that twists, this type is returned. Specimens of type 4 twist in
-    the field.
+    If type 4 is the only type to which no law was fitted, it is returned.
     """
     unseen = findings.inputs.extent.unseen
     return [kind for kind in unseen if kind != TWISTED] or list(unseen)

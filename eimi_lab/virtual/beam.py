@@ -1,9 +1,9 @@
 """The virtual specimen: its shape in equilibrium, computed as a three-dimensional solid in a magnetic field.
 
-The mesh of the virtual specimen is finer than the mesh of a fit, in all three directions. The solid is solved in a few
-fields up to the strongest field of the coil. For the fields between them, the difference between the shape of the solid
-and the shape of a planar beam is interpolated. The error of the interpolation is below a micrometre
-(`eimi_fitting.beam.beside`).
+The mesh of the virtual specimen is finer than the mesh of a fit, in all three directions. A solid takes long to solve.
+Its shape is therefore computed only in a few fields, up to the strongest field of the coil. In any other field, a
+planar beam is solved, and the difference between solid and planar beam is added; this difference is interpolated
+between the few fields. The error of the interpolation is below a micrometre (`eimi_fitting.beam.beside`).
 """
 
 from __future__ import annotations
@@ -111,7 +111,10 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the beam in this field (mT) would look different from the shape that was computed last."""
+        """Return whether the field (mT) differs from that of the last computed outlines, which must be computed anew.
+
+        A change by less than `SAME_FIELD_MT` is ignored: it moves the tip by less than a thousandth of a pixel.
+        """
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property

@@ -29,11 +29,11 @@ The value is used for a rig without a table [virtual] and without a region of th
 
 
 def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
-    """Return a rig with the virtual camera and a table [virtual], which gives the parameters of a simulated bench.
+    """Return a rig that can be simulated: with a virtual camera and with the parameters of the table [virtual].
 
-    A rig that has this table is returned unchanged. A rig without this table gets the table of the virtual rig that is
-    shipped with eimi-lab. The frames of the returned rig then have the size of the region that the given rig file sets
-    for the camera. If the given rig has no region, the frames have a size that shows the beam with a margin.
+    A rig that has the table [virtual] is returned unchanged. Any other rig gets the table of the virtual rig that is
+    shipped with eimi-lab. The frames then have the size of the camera's region in the given rig; without a region, they
+    have a size that shows the beam with a margin.
     """
     if rig.virtual is not None:
         return rig

@@ -1,14 +1,15 @@
 """The motion of the virtual beam in time. The beam is modelled as an elastic rod with a rigid magnet (`rod`).
 
-The true material, which a fit does not know, is quasi-linear viscoelastic, with a Prony series. The elastic forces
-f_e(z) of the rod, as a function of its coordinates z, are replaced by
+The true material, which a fit does not know, is quasi-linear viscoelastic, with a Prony series. An elastic rod has the
+forces f_e(z), a function of its coordinates z. The viscoelastic rod has the forces
 
-    f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf,
+    f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf.
 
-where mu_i and tau_i are the moduli and the time constants of the series and mu_inf is the long-term modulus.
+Each term i of the Prony series, with the modulus mu_i and the time constant tau_i, adds a force Q_i that decays with
+time. The long-term modulus mu_inf is the modulus of the elastic forces f_e.
 
-Each step of the integration in time is a trapezoidal step followed by a step of the second backward difference formula
-(TR-BDF2; Hosea and Shampine 1996, Appl. Numer. Math. 20:21). A fit uses neither this rod nor this method.
+The equations of motion are integrated by the method TR-BDF2: a trapezoidal step, and then a step of the second backward
+difference formula (Hosea and Shampine 1996, Appl. Numer. Math. 20:21). A fit uses neither this rod nor this method.
 """
 
 from __future__ import annotations
@@ -201,17 +202,17 @@ class MovingBeam:
         self._step_s = min(max(longer, _SHORTEST_S), _LONGEST_S)
 
     def _solved(self, constant: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
-        """Return the vector y that solves y = constant + part dy/dt(y), by Newton's method.
+        """Solve the implicit equation of a step in time, y = constant + part · g(y), for y by Newton's method.
 
-        The vector y contains the n coordinates of the rod, the n rates of the coordinates (1/s), and n internal
-        stresses for each term of the Prony series.
+        The function g(y) = dy/dt follows from the equations of motion. The vector y contains the n coordinates of the
+        rod, the n rates of the coordinates (1/s), and n internal stresses for each term of the Prony series.
 
         Parameters
         ----------
         constant : ndarray
-            The part of the equation that does not depend on y, in the order of y.
+            The term of the equation that does not depend on y, a vector in the order of y.
         part : float
-            The coefficient of the rate, s.
+            The factor of dy/dt, a fraction of the step, s.
         loads : tuple of ndarray
             The field (2,) in T and gravity (2,) in m/s² at the new time, both in the beam frame.
 

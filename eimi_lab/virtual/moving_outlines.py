@@ -1,9 +1,11 @@
 """The outlines of the virtual beam in motion.
 
-The motion is computed with a simplified model of the beam, a rod (`MovingBeam`). The solid is solved at rest in a few
-fields, and its outlines are interpolated between these fields. For a beam in motion, the field is chosen in which the
-tip of the rod at rest has the same angle as the moving tip. The outline of the solid at rest in this field is then
-moved by the difference between the moving rod and the rod at rest.
+The motion is computed with a simplified model of the beam, a rod (`MovingBeam`). The outline follows from the rod and
+from the outlines of the solid beam at rest, which are computed in a few fields and interpolated between them:
+
+1. Find the field in which the tip of the rod at rest has the same angle as the tip of the moving rod.
+2. Take the outline of the solid beam at rest in this field.
+3. Move each point of this outline by the difference between the moving rod and the rod at rest.
 """
 
 from __future__ import annotations

@@ -18,16 +18,17 @@ _LUMP_GRID = (9, 12)  # numbers of random values over height and width, from whi
 
 @dataclass(frozen=True)
 class Scene:
-    """The light of a motionless scene at each pixel, without the noise of a frame.
+    """All that is needed to draw frames of a motionless scene (`expose`): the light at each pixel, and its noise.
 
     Parameters
     ----------
     mean, deviation
-        Mean and standard deviation of the light at each pixel, in grey levels, shape (height, width).
+        Mean of the light at each pixel, and standard deviation of its shot noise, in grey levels, shape
+        (height, width).
     bits
         Bit depth of the image.
     gamma
-        Exponent: the camera stores the light to the power 1/gamma. 1 for a linear camera.
+        The camera stores the relative light (1 at full scale) to the power 1/gamma. 1 for a linear camera.
     """
 
     mean: NDArray[np.float32]
@@ -60,9 +61,9 @@ def make_scene(
     clamp_px
         Outline of the clamp, in front of the beam: c points, px, shape (c, 2); None if no clamp is visible.
     oversampling
-        Number of computed points for each pixel and direction. With 1, the light is integrated over each pixel before
-        the blur is applied. The blur then displaces an edge that is parallel to the pixel rows by up to 0.01 px, for a
-        blur of 1 px. With 2, the displacement is 0.002 px and the computation takes four times as long.
+        Number of smaller pixels into which each pixel is divided, in each direction, to compute the blur. Larger
+        numbers are more accurate and slower. With 1, the computation displaces an edge along the pixel rows by up to
+        0.01 px, for a blur of 1 px. With 2, the displacement is 0.002 px, in four times the time.
 
     Raises
     ------

@@ -12,10 +12,10 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel's area that is inside a polygon.
 
     The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
-    the borders of the pixels. Each piece covers the part of its own pixel that is to the right of the piece. The piece
-    also covers all pixels further to the right, by the height of the piece. A cumulative sum along the rows adds these
-    contributions. Areas of upward and downward pieces have opposite signs, so that only the inside of the polygon
-    remains.
+    the borders of the pixels. Each piece contributes the area to its right in its row of pixels: a part of its own
+    pixel, and from each pixel further to the right a share equal to the height of the piece. A cumulative sum along
+    the row adds these contributions. Upward and downward pieces have opposite signs. To the right of the polygon their
+    contributions cancel, so that only the inside of the polygon remains.
 
     Parameters
     ----------
@@ -56,10 +56,11 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the fraction of each pixel of a rectangle that a polygon covers, shape (height, width).
+    """Return the fraction of each pixel's area that a polygon covers, in a part of the frame, shape (height, width).
 
-    ``vertices`` are the n vertices x, y of the polygon in pixels, shape (n, 2). ``size`` is the width and height of the
-    rectangle, px. The borders of the pixels, not their centres, are at integer coordinates.
+    `vertices` are the n vertices x, y of the polygon relative to the rectangle's upper left corner, px, shape (n, 2).
+    Here the borders of the pixels are at integer coordinates, not the centres. `size` is the width and the height of
+    the rectangle, px.
     """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices

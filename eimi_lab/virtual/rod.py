@@ -149,9 +149,10 @@ class Rod:
         self._twice = np.tile(self._masses, 2)[:, None]
 
     def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
-        """Return the kinematics of the p mass points for the coordinates ``z`` (n,) and their rates ``speed`` (n,).
+        """Return the two arrays that give the accelerations of the p mass points of the rod.
 
-        The rod has n coordinates. Their rates have the unit 1/s.
+        The accelerations are derivatives @ dv/dt + remaining. The vector ``speed`` (n,), here v, contains the rates
+        (1/s) of the n coordinates ``z`` (n,).
 
         Returns
         -------
@@ -196,8 +197,8 @@ class Rod:
         derivatives : ndarray, shape (2, p, n)
             Derivatives of the positions (x and y, m) of the p mass points with respect to the n coordinates.
         remaining : ndarray, shape (2, p)
-            Accelerations (x and y, m/s²) of the points at constant rates of the coordinates, which cause inertia
-            forces.
+            Accelerations (x and y, m/s²) that the points have at constant rates of the coordinates (`moved`). The
+            returned forces contain the inertia forces due to these accelerations.
         field_T : ndarray, shape (2,)
             The magnetic field, T.
         gravity : ndarray, shape (2,)

@@ -52,11 +52,11 @@ def port_of(address: str) -> int | None:
 
 
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that takes an 8-bit picture of the virtual beam.
+    """Return a function that takes an 8-bit picture of the virtual beam at the present current.
 
-    The picture has the shape (height, width). If the rig file limits the camera to a region of its sensor, black rows
-    above and black columns to the left stand for the part of the sensor outside the region. The beam is in the coil
-    that another process serves at the address ``coil_line``.
+    The picture has the shape (height, width). The current is that of the coil that another process emulates at the
+    address `coil_line`. If the rig file limits the camera to a region of its sensor, the picture begins at the upper
+    left corner of the sensor: the rows above and the columns to the left of the region are black.
     """
     # With a frame rate, the virtual camera would return stored frames in their order, not the present beam.
     at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})

@@ -253,21 +253,20 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 
 
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees), shape (K, 3, 2).
+    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) due to uncertain parameters.
 
-    K is the number of states (load steps).
-
-    The last axis has the lower and the upper end. Draws of the parameters without an equilibrium are left out.
+    The shape is (K, 3, 2): K states (load steps); x, y and angle; lower and upper end of the interval. Random draws of
+    the parameters with which the beam has no equilibrium are left out.
 
     Parameters
     ----------
     planar
-        The planar beam model, which computes the scatter of the draws, also if the beam is modelled as a solid.
+        The planar beam model. It gives the width of the intervals, also if the beam is otherwise modelled as a solid.
     shapes
         The shapes of the planar model. The first set of parameters is nominal, and the other sets are the draws.
     tip
-        x, y and angle of the tip for the nominal parameters, as the chosen beam model computed them, shape (K, 3). The
-        scatter is centred on these values.
+        x, y and angle of the tip for the nominal parameters, shape (K, 3), from the chosen (planar or solid) model. The
+        results for the draws are shifted such that the planar model agrees with these values at the nominal parameters.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
@@ -365,9 +364,10 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """Return the numbers of the m elements to draw, shape (m,), and of the 8 nodes around each element, shape (m, 8).
+    """Return the elements that a side view of the beam shows, and the nodes along the sides of these elements.
 
-    For a solid, the elements at mid-depth are drawn.
+    The result is two arrays: the numbers of the m elements, shape (m,), and of the 8 nodes (corners and middles of the
+    sides, in order) around each element, shape (m, 8). Of a solid, the elements at mid-depth are shown.
     """
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements

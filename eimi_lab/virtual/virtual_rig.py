@@ -53,10 +53,10 @@ class Coil(Protocol):
 class VirtualCamera:
     """A camera that sees the virtual beam.
 
-    With a frame rate, the camera exposes at this rate, and its buffer stores the frames until the program requests
-    them. The frames then show how the beam swings between equilibria. Without a frame rate, the camera exposes when a
-    frame is requested, at most ten times per second of the clock. The frames then show an elastic beam in equilibrium.
-    A beam with a Prony series swings and creeps in both cases.
+    With a frame rate, the camera takes frames at this rate, and stores them in a buffer until the program requests
+    them. The frames show the motion of the beam: how it swings after a change of the field. Without a frame rate, the
+    camera takes a frame when the program requests one, at most ten times per second of the clock. The frames then show
+    the beam in equilibrium. The motion of a beam with a Prony series, which swings and creeps, is shown in both cases.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
     bench = virtual.materials.bench or TrueBench()
     mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     strongest_mT = abs(mT_per_A) * rig.supply.limits.current_A
-    true_beam, true_field = _as_it_is(specimen, rig.calibration, bench)
+    true_beam, true_field = _true_values(specimen, rig.calibration, bench)
     x_T, y_T = stated_background_T(true_field).tolist()
     loads = VirtualLoads(gravity_deg, frame.field_deg, (x_T, y_T), stated_coil(true_field, true_beam))
     beam = VirtualBeam(true_beam, material, virtual.mesh, loads, strongest_mT, view)
@@ -336,13 +336,13 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
     }
 
 
-def _as_it_is(
+def _true_values(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the true specimen and the true calibration of a virtual bench.
+    """Return the true specimen and the true calibration of a virtual bench, with which the frames are simulated.
 
-    The true specimen and calibration differ from the files that a fit reads by the properties in `bench`, such as a
-    bend of the beam from its casting.
+    A fit reads other values, those of the files `specimen` and `calibration`. `bench` holds the differences: for
+    example a bend of the beam from its casting, or an error of the direction of the magnet.
     """
     beam = specimen.mechanics()
     if beam.magnet:

@@ -105,10 +105,10 @@ class BeamFrame:
         return (points - self._origin) @ self._axes.T / self._scale
 
     def components(self, vector: tuple[float, float]) -> Array:
-        """Return the components of a vector along x and y of the beam frame, shape (2,).
+        """Return the components x and y, in the beam frame, of a vector in the image, shape (2,).
 
-        x runs along the straight beam from the clamp, and y across the beam. vector: components of the vector to the
-        right and down in the image.
+        `vector` holds the components of the vector to the right and down in the image. The beam frame has x along the
+        straight beam from the clamp, and y across the beam.
         """
         return np.asarray(self._axes @ np.array(vector))
 

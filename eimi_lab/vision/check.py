@@ -80,13 +80,13 @@ class Check:
     quantity : str
         The measured quantity and its unit, as the documentation names them.
     limit : float
-        The check raises its flag for values above this limit.
+        Limit of the measured value. The check raises its flag for values above the limit; see `below`.
     remedy : str
         A sentence that tells a person what to do. The method `flag` replaces the words in braces.
     picture : str
         Content of the rendered example picture. Of several checks with the same name, only one has a picture.
     below : bool
-        Whether the flag is raised for values below the limits, and not for values above the limits.
+        True if the flag is raised for values below `limit` (and `unusable_beyond`), not for values above.
     severity : Severity
         Severity of a value beyond the limit.
     unusable_beyond : float, optional

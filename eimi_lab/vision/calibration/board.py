@@ -146,7 +146,8 @@ class Board:
 def print_board(board: Board, path: Path) -> None:
     """Write the board as a PDF page in vector graphics, at its true size and with a margin.
 
-    The page is to be printed at 100 %. A line below the board, with its length in words, serves to check the print.
+    The page must be printed at 100 %. Below the board is a line, and a text that states its length. A person measures
+    the printed line to check the size of the print.
 
     Parameters
     ----------
@@ -190,6 +191,10 @@ def print_board(board: Board, path: Path) -> None:
 
 
 def _runs(dark: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first index, and the last index plus 1, of each run of dark cells in a row of cells."""
+    """Return the places of the runs of dark cells (dark cells side by side) in one row of cells of a board.
+
+    `dark` says whether each cell of the row is dark. For each run, the result has the index of its first cell and the
+    index of its last cell plus 1.
+    """
     change = np.flatnonzero(np.diff(np.concatenate([[False], dark, [False]]).astype(np.int8)))
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]

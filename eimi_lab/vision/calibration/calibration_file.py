@@ -41,8 +41,8 @@ class BenchSetup:
         Middle of the line at which the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
         Directions of the beam's axis, of gravity and of the positive field in the image, clockwise from +x. If the axis
-        is also measured on a board or on the beam, the given axis must be right to a few degrees. Gravity and field are
-        then turned by the same angle as the axis.
+        is also measured, on a board or on the beam, the given axis must be right to a few degrees. The measured axis
+        then replaces the given axis, and gravity and field are turned by the difference between the two.
     telecentric : bool
         Whether the lens is telecentric.
     """
@@ -57,14 +57,15 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """Return a calibration with the values of this setup. Axis, gravity and field are turned by the same angle.
+        """Return a calibration with the values of this setup and a measured scale, with corrected directions.
 
         Parameters
         ----------
         pixels_per_mm : float
             Scale in the beam's middle plane.
         turned_deg : float
-            Angle by which the three directions are turned, clockwise.
+            Correction of the directions: the axis, gravity and the field of the setup are turned clockwise by this
+            angle.
         uncertainty : dict of str to float
             Standard uncertainties, with the keys of the calibration.
         on : date
@@ -169,10 +170,11 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens with all images of the board, and return the lens and its distance (mm) from the beam.
+    """Calibrate the lens with all images of the board; return the lens and the distance (mm) from the lens to the beam.
 
-    `views` contains the points of the board that were found in each image. In the image `mid_plane`, the board lies in
-    the plane in which the beam bends. `size` is the width and the height of the images in px.
+    `views` holds, for each image, the points of the board on the board and in the image. `mid_plane` holds these points
+    for the image in which the board lies in the plane in which the beam bends; the distance is computed from this
+    image. `size` is the width and the height of the images, px.
     """
     try:
         lens = calibrate_lens(list(views.values()), size)
@@ -184,7 +186,11 @@ def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) ->
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    """Return the calibration that follows from the given values, the board (orientation and scale) and the lens."""
+    """Return the calibration from the given values (`setup`), the measured board (`pose`) and the calibrated lens.
+
+    The board gives the scale. Its rows or columns lie along the beam, and give the direction of the axis. If `lens` or
+    `stand_off_mm`, the distance from the lens to the beam, is None, the calibration contains no lens.
+    """
     # The angle from the stated axis to the nearest direction of the board's rows or columns.
     turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {

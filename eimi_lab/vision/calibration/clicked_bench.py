@@ -86,8 +86,8 @@ def measure_bench(
     length_mm : float
         Length of the beam, against which the clicks are checked.
     depth_mm : float
-        Depth of the beam. The clamp is clicked on the near face of the beam, which the lens images larger than the
-        middle plane.
+        Depth of the beam. A person clicks the clamp on the near face of the beam. In the picture, this face is larger
+        than the beam's middle plane; with the depth, the clicked point is moved to the middle plane.
     lens : FocalLength or None
         The focal length from the Exif data of the picture.
     day : date

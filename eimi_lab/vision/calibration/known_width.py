@@ -148,9 +148,10 @@ def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
-    """Return the direction of the first half of the beam, from +x toward +y, and its standard deviation, both in rad.
+    """Return the angle (rad) from the beam frame's x axis to the first half of the beam, and its standard deviation.
 
-    left, right: the n and m points of the two edges, shapes (n, 2) and (m, 2).
+    The angle is positive toward +y. `left` and `right` are the n and m points of the two edges in the beam frame, mm,
+    shapes (n, 2) and (m, 2).
     """
     angles, variances = [], []
     for points in (left, right):

@@ -152,15 +152,17 @@ class BoardPose:
 def fit_board_pose(view: View, board_error: float) -> BoardPose:
     """Fit the scale and the orientation of a calibration board by least squares.
 
-    Let b be the points on the board (mm) and q the points in the image (px), each as complex numbers relative to the
-    mean of the points. The similarity (rotation and change of scale) q ≈ t b has the least-squares solution
+    Each point x, y is written as the complex number x + i y, relative to the mean of all points: b on the board (mm),
+    q in the image (px). A board that is turned and scaled has q = t b with a complex number t. By least squares,
 
         t = Σ b* q / Σ |b|²,
 
-    with the conjugate b* of b. |t| is the scale, and the argument of t is the direction of the board's rows. The
-    variance of the scale is the sum of three variances: from the scatter of the points, from the error of the printed
-    pattern, and from a tilt of the board. The standard deviation due to the tilt is half of the difference between the
-    largest and the smallest scale of an affine fit.
+    where b* is the conjugate of b. The magnitude |t| is the scale in px/mm, and the argument of t is the direction of
+    the board's rows.
+
+    The variance of the scale is the sum of three variances: due to the scatter of the points, due to the size of the
+    print, and due to a tilt of the board. A tilted board has a smaller scale in one direction. The third standard
+    deviation is therefore half of the difference between the largest and the smallest scale of an affine fit.
 
     Parameters
     ----------

@@ -18,10 +18,10 @@ _POINTS = 1201  # of each line
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
     """Return the median width (mm) of the body that lies on the beam's axis near the clamp.
 
-    The width is measured on nine lines across the axis, at distances of 0.1 to 0.3 of the length from the clamp. The
-    body contains the pixels around the axis whose grey values lie on the same side of the middle grey value as the
-    grey values on the axis. The middle grey value is midway between dark and bright (the 5th and the 95th percentile).
-    The width in the specimen file is not used.
+    The width is measured on nine lines across the axis, at distances of 0.1 to 0.3 of the length from the clamp. A
+    threshold midway between dark and bright (the 5th and the 95th percentile of the grey values on the lines) divides
+    each line into dark and bright stretches. The body is the stretch that crosses the axis. The width in the specimen
+    file is not used.
 
     Parameters
     ----------

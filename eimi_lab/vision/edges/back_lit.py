@@ -62,10 +62,11 @@ class OutlinedBeam:
 class BackLitSearch:
     """The search for the edges of a beam in one image, in front of a back-light.
 
-    The search starts from the outline of the silhouette (the dark body in the picture that leaves the clamp). On
-    normals to the outline, the mean of four neighbouring profiles of grey values is fitted with a step that is blurred
-    by a Gaussian. Each profile has a dark and a bright plateau (the grey values far from the edge) of its own, but the
-    blur is common to the whole image. The fit is repeated on normals to the smooth curve through the fitted points.
+    The search starts from the outline of the silhouette (the dark body in the picture that leaves the clamp), which is
+    accurate to about a pixel. On normals to this outline, the profile of grey values is read, and averaged with its
+    neighbours (four in all). The edge is the place of a step, blurred by a Gaussian, that is fitted to the profile. The
+    grey values on both sides of the step are fitted to each profile, but the blur is the same for the whole image.
+    The fit is then repeated on normals to the smooth curve through the fitted points.
 
     Attributes
     ----------
@@ -81,8 +82,8 @@ class BackLitSearch:
     limits : mapping of str to float, optional
         Limits that replace limits in the table of flags, with the same keys.
     even_turn_deg : float
-        Angle by which the whole beam would be turned about its axis if a turn explained its apparent width; set by the
-        search.
+        The search sets this angle. The beam in the picture is as wide as a beam that is turned about its axis by this
+        angle.
     projection : Projection, optional
         Weighted sum by which the colours of the image become grey values.
     polarity : {"dark", "bright"}, optional
@@ -197,10 +198,11 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Return the result of the second pass over the edges, and the four corners of the beam in px, shape (4, 2).
+        """Locate the edges more accurately in two passes; return the second pass and the four corners of the beam, px.
 
-        The first pass searches the edges on normals to the outline of the silhouette (the dark body), the second pass
-        on normals to the edges of the first pass. Return None if an edge is too short.
+        The first pass searches the edges on normals to the silhouette (the outline of the dark body). The second pass
+        searches them on normals to the edges from the first pass. The corners have the shape (4, 2). Return None if an
+        edge is too short.
         """
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand
@@ -213,7 +215,10 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
-        """Return the width and the place of the silicone beside the magnet, in px; the width is 0 without a magnet."""
+        """Return the silicone beside the magnet, in px: its width on each side, and where it begins.
+
+        The width is uncertain, because the magnet may lie off the middle of the beam. Without a magnet the width is 0.
+        """
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -247,10 +252,10 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Return the second pass with the edge points near a step of the beam's width marked as unsound.
+        """Return the edges of the second pass, with the points near a step of the beam's width marked as unsound.
 
-        `second` is the result of the second pass over the edges. An unsound point is not used. The points near a step
-        (abrupt change) of the width are biased, because a smooth curve cuts the corners of the step.
+        Unsound points are not used. A step is an abrupt change of the width. A smooth curve cuts the corners of a step,
+        and the points near a step are therefore biased.
         """
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
@@ -268,9 +273,9 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return texts for the advice of flags (failed quality checks): the effect of a turned beam on the modulus.
+        """Return the texts that the advice of the flags (failed quality checks) on turned or twisted beams contains.
 
-        The texts say how much the fitted modulus changes if the beam is turned about its axis.
+        The texts say by how much the fitted modulus is wrong if the beam is turned about its axis.
         """
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)

@@ -38,12 +38,12 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return the largest increase of the apparent width by a bow (curvature) of the cross-section, along an edge.
+    """Return, at each point of the left edge, how much wider a bent beam can look because its cross-section bows.
 
-    In a beam of incompressible material with the bending curvature k, the cross-section has the curvature k / 2 across
-    its depth. The outline is therefore wider by k depth² / 16. This increase is at most a sixth of the width, because a
-    deep strip stays flat in the middle of its depth (Ashwell 1950, J. R. Aeronaut. Soc. 54:708). Near the clamp and
-    near the magnet the bow is smaller than this.
+    A bent beam also curves across its depth (anticlastic bending). With the bending curvature k and an incompressible
+    material, this second curvature is k / 2. Over the depth it makes the outline wider by k depth² / 16. The increase
+    is limited to a sixth of the width, because a deep strip stays flat in the middle of its depth (Ashwell 1950,
+    J. R. Aeronaut. Soc. 54:708). Near the clamp and near the magnet the true increase is smaller than the result.
 
     Parameters
     ----------
@@ -109,13 +109,13 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
 def twist_deg(widths: Array, width: float, depth: float) -> float:
     """Return the angle (degrees) by which the tip is turned about the beam's axis relative to the clamp.
 
-    A box of width w and depth d that is turned by φ about its axis has the apparent width w cos φ + d sin φ. The turn φ
-    of the last quarter of the beam relative to the first eighth is computed from the difference of their median widths.
-    A beam that is stretched by its weight is narrower at its root (its part at the clamp). If the first eighth is
-    narrower than the specimen, the width of the specimen is therefore used in place of the width of the first eighth.
+    A box of width w and depth d that is turned by φ about its axis has the apparent width w cos φ + d sin φ. A twisted
+    beam therefore looks wider at its tip. The angle φ is computed from the median width of the last quarter of the
+    beam, compared with the median width of its first eighth. If the first eighth is narrower than the specimen, because
+    the weight stretches the beam there, the comparison is made with the width of the specimen.
 
     The middles of the first eighth and of the last quarter are 13/16 of the length apart. A twist that grows evenly
-    over the whole length is therefore 16/13 of φ.
+    from the clamp to the tip is therefore 16/13 φ, which is the result.
 
     Parameters
     ----------
@@ -150,17 +150,19 @@ def _turn_deg(apparent: float, width: float, depth: float) -> float:
 
 
 def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: float) -> float:
-    """Return the relative increase of the bending stiffness of a twisted box in the plane of the image.
+    """Return by which fraction a twist makes a box stiffer against bending in the plane of the image.
 
-    If a section is turned by φ about the axis of the box, a bending moment M acts about both principal axes of the
-    section. The curvature in the plane of the image is M/E · (cos² φ / I1 + sin² φ / I2), where E is Young's modulus,
-    and I1 and I2 are the second moments of area about the two axes, with I1/I2 = (width/depth)². With φ² in place of
-    sin² φ, and averaged over a turn that grows evenly from the root to the tip, the relative increase is
+    A fit that assumes no twist identifies a modulus that is too large by this fraction. The fraction is negative for a
+    beam that is less deep than wide.
+
+    In a section that is turned by φ about the axis of the box, a bending moment M in the plane of the image causes the
+    curvature M/E · (cos² φ / I1 + sin² φ / I2) in this plane. E is Young's modulus; I1 and I2 are the second moments of
+    area about the two principal axes, with I1/I2 = (width/depth)². For small angles, sin² φ is replaced by φ². The mean
+    of φ² between the root and the tip, for an angle that grows evenly, is m. The returned fraction is
 
         1 / (1 - m (1 - (width/depth)²)) - 1,    m = (root² + root · tip + tip²) / 3,
 
-    with the turns in radians. A fit that assumes no twist gives a modulus that is too large by this share. For a beam
-    that is less deep than wide the share is negative.
+    with the angles of root and tip in radians.
 
     Parameters
     ----------
