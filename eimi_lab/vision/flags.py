@@ -17,11 +17,10 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 
 
 def _motion_px(ratio: float) -> float:
-    """Return the motion of a beam (px) between two frames whose settling ratio is given (see `settling_statistic`).
+    """Return how far (px) the beam moved between two frames, from the settling ratio of the frames.
 
-    The settling ratio is the mean squared difference of two frames, divided by the difference that noise alone causes.
-    The ratio exceeds 1 by an amount that grows with the square of the motion. The measured ratio is 1.06 at a motion of
-    1/20 px, and 2.3 at a motion of 1/5 px.
+    The ratio is 1 for a beam at rest (see `settling_statistic`). The excess over 1 grows with the square of the motion:
+    measured ratios are 1.06 for a motion of 1/20 px and 2.3 for a motion of 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 

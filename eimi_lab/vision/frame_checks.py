@@ -57,8 +57,9 @@ def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
     Parameters
     ----------
     frames : sequence of Frame
-        Frames of one state, in the order in which they were taken, all of one size and colour format. The smallest
-        difference of two consecutive numbers counts as the step from frame to frame.
+        Frames of one state, in the order in which they were taken, all of one size and colour format. Their numbers
+        need not be consecutive: if the numbers are 10, 12, 14, 18, the smallest difference 2 is taken as the difference
+        between neighbouring frames, and one frame is missing.
     lossless : bool
         Whether the files keep the noise of the camera. NOT_SETTLED compares motion with this noise, and is therefore
         not raised for compressed files.

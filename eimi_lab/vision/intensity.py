@@ -81,19 +81,20 @@ def is_coloured(image: NDArray[Any]) -> bool:
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """Return an image with three colour channels or with one channel, without a loss of colours.
+    """Return an image with three colour channels, or as a grey image if no colours are lost.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
         The image; H rows, W columns.
     coloured : bool
-        True for three channels. False for one channel; an image whose channels differ is then returned unchanged.
+        True to return three channels: a grey image is copied into each of them. False to return a grey image; an image
+        whose channels differ is then returned unchanged.
 
     Returns
     -------
     ndarray, shape (H, W) or (H, W, 3)
-        The image with one or three channels.
+        The grey image, or the image with three channels.
     """
     if coloured:
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)

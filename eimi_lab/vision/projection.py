@@ -1,13 +1,14 @@
 """Convert the colours of pictures to grey values. All pictures of a dataset are converted with the same weights.
 
-The projection is linear in the camera's colours or in the coordinates of the colour space CIELAB. Fisher's linear
-discriminant maximises the difference between the beam at its clamp (index in) and the surroundings of the beam (index
-out), relative to the scatter of the colours:
+A grey value is a weighted sum of the camera's three colours, or of the three coordinates of the colour space CIELAB.
+The weights w of Fisher's linear discriminant give the largest difference between the beam at its clamp and its
+surroundings, relative to the scatter of the colours:
 
-    w = C⁻¹ (m_in - m_out),
+    w = C⁻¹ (m_in - m_out).
 
-with the weights w, the median colours m, averaged over the pictures, and the mean covariance C of the colours inside
-and outside (R. A. Fisher, "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179).
+m_in and m_out are the median colours of the beam and of its surroundings, averaged over the pictures. C is the mean of
+the covariance matrices of the colours inside and outside the beam (R. A. Fisher, "The use of multiple measurements in
+taxonomic problems", Annals of Eugenics 7 (1936) 179).
 
 The discriminant is used only if it separates beam and surroundings at least 1.25 times as well as the best single
 colour channel. Otherwise this channel is used. A person may also choose the channel.
@@ -148,10 +149,9 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return the smallest ratio of separations for which a candidate replaces the best projection so far.
+    """Return how many times better the candidate must separate the beam from its surroundings to replace `best`.
 
-    A projection is a weighted sum of colours. The separation of a projection is the difference between the beam and its
-    surroundings, in standard deviations.
+    The factor is above 1 if `best` is a single colour channel and the candidate is not; otherwise it is 1.
     """
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
@@ -226,11 +226,11 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection (weighted sum of colours) with the given weights and its measured separation.
+    """Return a projection (weighted sum of colours) with the given weights, and measure its separation.
 
-    The separation is the difference between the grey values of beam and surroundings, in standard deviations. The
-    difference is measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of the
-    measured separations is used, so that a few clear sides or pictures do not determine the result.
+    The separation is the difference between the grey values of beam and surroundings, in standard deviations. It is
+    measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of all values is the
+    result, so that the projection must also separate on unclear sides and in unclear pictures.
     """
     separations = []
     for sample in samples:

@@ -85,7 +85,10 @@ class Noise:
 
     @cached_property
     def _of_sums(self) -> NDArray[np.float64]:
-        """Noise variance at the mean of two 8-bit grey levels, indexed by the sum of the two levels, shape (511,)."""
+        """Variance of the noise at the mean of two 8-bit grey levels: a table, shape (511,).
+
+        The index is the sum of the two grey levels.
+        """
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
@@ -166,10 +169,11 @@ def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[
 
 
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
-    """Return an upper bound of the steepness in each column of S strips of `STRIP_ROWS` rows, shape (S, W).
+    """Return, for each column of each strip of rows, a value that the steepness of the image cannot exceed.
 
-    The bound is the sum of the rounding error and of `STEEPEST_STEP` times the range of the grey values within
-    `REACH_PX`.
+    The image is divided into S strips of `STRIP_ROWS` rows; the shape is (S, W). The bound follows from the range of
+    the grey values within `REACH_PX` of the column: the range times `STEEPEST_STEP`, plus the rounding error. It is
+    computed faster than the steepness.
     """
     tops = range(0, image.shape[0], STRIP_ROWS)
     strips = [image[max(top - REACH_PX, 0) : top + STRIP_ROWS + REACH_PX] for top in tops]
@@ -180,9 +184,10 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _intervals(columns: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return the first column and the column after the last of each group of neighbouring columns.
+    """Group columns of an image that are close together; return the first column and the end of each group.
 
-    Groups that are at most `STRIP_ROWS` apart become one group, because each computation costs time.
+    The end is the last column plus 1. `columns` holds column numbers in increasing order. Two groups that are at most
+    `STRIP_ROWS` apart become one, because each separate computation costs time.
     """
     if not len(columns):
         return []

@@ -217,12 +217,12 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
-    """Return whether the silhouette raises a flag for which the beam is followed from its clamp instead.
+    """Return whether the edges from the silhouette are in doubt, so that the beam is followed from its clamp instead.
 
-    The silhouette is the outline of the beam; a flag is a quality check that its edges do not pass. In a grey picture,
-    which may have been taken in front of a back-light, the edges of the silhouette remain the best: only a silhouette
-    that reaches the border of the picture is in doubt. A beam that is brighter than its surroundings (`lit_beam`) does
-    not lie in front of a back-light, and its silhouette is also in doubt if a flag makes its edges unusable.
+    In a colour picture, any flag (failed quality check) of the outline is a reason. A grey picture may have been taken
+    in front of a back-light, where the silhouette gives the best edges. There the only reason is an outline that
+    reaches the border of the picture. If the beam in a grey picture is brighter than its surroundings (`lit_beam`), the
+    picture has no back-light, and any flag that makes the edges unusable is a reason.
     """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:

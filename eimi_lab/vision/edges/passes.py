@@ -133,10 +133,9 @@ class PassResult:
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return the grey values inside or outside the beam, farther from the edge than the blur of the edge reaches.
+        """Return the grey values on one side of the edge, at the distances at which the blurred edge has no effect.
 
-        The grey values were read along lines across the edge (profiles). Only profiles that gave an edge point are
-        used.
+        The grey values are taken from the profiles (lines across the edge) on which an edge point was located.
 
         Parameters
         ----------
@@ -278,12 +277,14 @@ def _transmission(located: PassResult) -> float:
 def scatter_scale(left: Side, right: Side) -> float:
     """Return the factor by which `Side.sigma_px` must be multiplied to match the scatter of the edge points.
 
-    The scatter is estimated from third differences of the offsets (the distances from the curve) of four neighbouring
-    points. A smooth shape of the edge hardly contributes to third differences. For independent offsets with the
-    standard deviations a, b, c, d, the third difference has the standard deviation √(a² + 9b² + 9c² + d²).
+    The scatter is measured by third differences D = o4 - 3 o3 + 3 o2 - o1, where o1 to o4 are the offsets (distances
+    from the curve) of four neighbouring points. A smooth shape of the edge hardly contributes to D. If the four offsets
+    are independent, with the standard deviations s1 to s4 (`Side.sigma_px`), D has the standard deviation
+    √(s1² + 9 s2² + 9 s3² + s4²).
 
-    The factor follows from the median of |third difference| / standard deviation. At the magnet and at the ends of a
-    curve, a few of these ratios are too large, because the curve differs in shape from the edge.
+    The factor is the median of |D| / (standard deviation of D), divided by the value of this median for normally
+    distributed offsets. The median is not affected by the few large ratios at the magnet and at the ends of the curve,
+    where the curve differs in shape from the edge.
     """
     ratios = []
     for side in (left, right):
@@ -365,11 +366,11 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far (px) a profile can extend into the beam without reaching the edge of the magnet.
+    """Return how far (px) a profile of grey values across the edge may extend into the beam, at most `half_px`.
 
-    A profile contains the grey values along a line across the edge of the beam. half_px: largest length. cover_px:
-    width of the silicone beside the magnet. blur_px: blur of the edge. If the silicone is so thin that every profile
-    reaches the magnet, the result is `half_px`.
+    A profile should end before the edge of the magnet. The edge lies behind a layer of silicone of the width
+    `cover_px`, and is blurred by `blur_px`. If the layer is too thin to separate the two edges, every profile crosses
+    both, and the result is `half_px`.
     """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
@@ -390,12 +391,12 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths from `begin` to `end`, px, and the stride between requested arc lengths.
+    """Return the arc lengths (px) at which an edge is searched, evenly spaced from `begin` to `end`, and a stride s.
 
-    A requested arc length is the place of a point of the edge. At most `MOST_POINTS` arc lengths are requested, at
-    least `spacing` apart. Further arc lengths are added between the requested arc lengths until neighbours are at most
-    `widest` apart. The distance of neighbours stays so large that their profiles (lines on which grey values are read)
-    do not overlap. If the stride is s, every s-th returned arc length is a requested arc length.
+    Every s-th arc length is the place of a point of the result; these points are at least `spacing` apart, and are at
+    most `MOST_POINTS`. The arc lengths between them serve to estimate the scatter. They are added until neighbours are
+    at most `widest` apart, but not so close that the profiles (lines on which grey values are read) of neighbours
+    overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

@@ -76,7 +76,7 @@ def stations(inner_px: float, outer_px: float) -> Array:
 def read_profiles(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Read profiles of grey values across an edge, each as the mean over k parallel lines.
+    """Read n profiles of grey values across an edge. Each profile is the mean of k parallel lines side by side.
 
     Parameters
     ----------
@@ -90,8 +90,8 @@ def read_profiles(
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Mean grey values over the k lines of each profile. On each line, the points at which grey values are read are
-        shifted along the line by another fraction of a pixel. The mean of these shifts is zero.
+        Mean grey values of the k lines. The points on the k lines are shifted against each other, along the lines, by
+        fractions of a pixel with the mean zero, so that interpolation blurs every edge alike.
     inside : ndarray of bool, shape (n,)
         Whether a profile lies entirely in the image.
     """
@@ -252,11 +252,12 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values of the dark plateau, the bright plateau and the offset of n profiles, each of shape (n,).
+    """Return initial values for the fits of steps to n profiles: the dark value, the bright value and the offset.
 
-    A profile contains the grey values along a line across the edge. The plateaus (the grey values beside the step) are
-    mean grey values at the two ends of a profile. The offset follows from the area under the profile. u: distances
-    along the normals. covered: indices of the profiles that cross silicone beside the magnet.
+    Each result has the shape (n,). The dark and the bright value are the mean grey values at the two ends of the
+    profile (the grey values along a line across the edge). The offset follows from the area under the profile. `u`
+    holds the distances along the profile. `covered` holds the indices of the profiles that cross silicone beside the
+    magnet.
     """
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
@@ -291,13 +292,13 @@ class _SharedUnknowns:
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Take one Gauss-Newton step, and return the changes of the 1 + k shared unknowns, px, shape (1 + k,).
+        """Improve the 1 + k shared unknowns by one Gauss-Newton step; return their changes, px, shape (1 + k,).
 
         Parameters
         ----------
         reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives of the m grey values of n profiles with respect to the shared unknowns. The other unknowns of
-            each profile were eliminated.
+            Derivatives of the m grey values of n profiles with respect to the shared unknowns, after the three unknowns
+            of each profile (dark value, bright value and offset) were eliminated.
         residuals : ndarray, shape (n, m)
             Measured minus fitted grey values of the profiles.
         """
@@ -384,14 +385,13 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return whether the residual of each profile is at most three times the median residual of its group.
+    """Return which of n fitted profiles (grey values along lines across the edge) may determine the shared unknowns.
 
-    A profile contains the grey values along a line across the edge. A profile with a larger residual, for example due
-    to dirt on the edge, is not used to determine the blur. Profiles beside a magnet have large residuals at first,
-    because they have two steps of the grey value. These profiles are needed for the width of the silicone beside the
-    magnet. They are therefore compared only with profiles on the same side of the magnet. residuals: measured minus
-    fitted values at m points of each of n profiles, shape (n, m). step: height of the step of each profile, shape (n,).
-    group: index of the side of the magnet that a profile crosses, else -1, shape (n,).
+    A profile is left out if its RMS residual, divided by the height of its step, is more than three times the median of
+    its group, for example because of dirt on the edge. `group` (n,) is the side of the magnet that a profile crosses,
+    or -1. Profiles beside a magnet form groups of their own, because they have two steps and therefore larger residuals
+    at first. `residuals` (n, m) are measured minus fitted grey values at m points, and `step` (n,) the heights of the
+    steps.
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

@@ -79,14 +79,14 @@ def estimate_gamma(
 
 
 def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Estimate the gamma of the camera by one linear least-squares step from gamma = 1.
+    """Estimate gamma from a mean profile across the edge, by one linear least-squares step from gamma = 1.
 
     The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
 
-    The values along the edge are averaged in bins of the distance from the edge. ``place`` is this distance of each bin
-    in pixels, positive on the bright side, ``mean`` is its mean grey value (1 at the bright end), and ``weight`` is the
-    square root of its number of values. ``dark`` is the light at the dark end, and ``blur`` the standard deviation of
-    the blur in pixels; both are first guesses, which the step corrects together with gamma.
+    The mean profile consists of bins of the distance from the edge. `place` is the distance of each bin in px, positive
+    on the bright side. `mean` is the mean grey value in the bin, 1 at the bright end, and `weight` is the square root
+    of the number of grey values in the bin. First guesses are given for the light `dark` at the dark end and for the
+    standard deviation `blur` of the blur in px. The step corrects both together with gamma.
     """
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)

@@ -99,10 +99,11 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return whether each of the n points of an edge is near a step of the specimen's width, shape (n,).
+        """Return which of the n points of an edge lie near a step (abrupt change) of the specimen's width, shape (n,).
 
-        A step is an abrupt change of the width. A smooth curve through the points cuts the corners of a step. A point
-        is near a step if its distance from the step along the edge is less than half of the specimen's smallest width.
+        A point is near a step if its distance from the step, along the edge, is less than half of the specimen's
+        smallest width. Such points are not used: a smooth curve through the points of the edge cuts the corners of the
+        step.
 
         edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp,
         shape (2, 2). side: 0 for the left edge, 1 for the right edge.

@@ -22,9 +22,9 @@ def light_along(
 ) -> Array:
     """Return the back-light along each of n profiles, divided by the back-light at the edge.
 
-    A profile contains the grey values along a line across the edge. The slope of the back-light is measured on the 16
-    px beyond the outer end of each profile. The median over 21 neighbouring profiles is used, so that dirt has no
-    influence. Inside the beam, the same slope is assumed for the light that passes through the beam.
+    A profile contains the grey values along a line across the edge. An uneven back-light changes along this line. Its
+    slope is measured on the 16 px beyond the outer end of each profile, and the median over 21 neighbouring profiles is
+    used, so that dirt has no influence. The light behind the beam is assumed to have the same slope.
 
     Parameters
     ----------

@@ -1,15 +1,16 @@
 """Search for the strip of the picture that shows the beam, from the clamp outward.
 
 A strip is a narrow band of the picture between two edges that may be the edges of the beam. The search extends many
-strips step by step, and keeps the best strips after each step (the algorithm is known as beam search). A strip has
-bounded curvature. A step is about a third of the beam's width. The gain of a step is
+strips step by step, each by about a third of the beam's width, and keeps the best strips after each step (the algorithm
+is known as beam search). The curvature of a strip is bounded. A strip has a score, the sum of the gains of its steps:
 
-    gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line),
+    gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line).
 
-where `support` (0 to 2) measures how clear the colour steps at both sides of the strip are, `misfit` is the difference
-between the colours inside the strip and the colours remembered from earlier steps, and `shift` is the sideways shift in
-beam widths. The gain of the centre line is 0 without an expected centre line (`centre_line`). The score of a strip is
-the sum of the gains of all its steps.
+support                  how clearly the colour changes at both sides of the strip, 0 to 2
+misfit                   difference between the colours inside the strip, in this step and in earlier steps, 0 to 2
+shift                    sideways shift of the strip in this step, in beam widths
+cost of bend and width   large for a sudden or strong bend and for an unusual width (`_implausible`)
+gain of the centre line  large near a centre line that is expected before the search; 0 without such a line
 """
 
 from __future__ import annotations
@@ -249,12 +250,12 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a sudden bend, of a strong bend, and of a width that differs from the beam's nominal width.
+    """Return the cost of a step of the search: for a sudden bend, for a strong bend and for an unusual width.
 
-        cost = 0.6 c² + 4 (ln w)² + 0.03 (b / 0.6)²,
+        cost = 0.6 c² + 4 (ln w)² + 0.03 (k / 0.6)²
 
-    with the change of curvature c = `more_bend` in units of `_Stiffness.bend`, the width w = `width` in nominal widths,
-    and the product b of the curvature `bend` and the nominal width `width_px`.
+    c is `more_bend`, the change of the curvature in this step, in units of the usual change (`_Stiffness.bend`). w is
+    `width`, in nominal widths of the beam. k is the curvature `bend` (1/px) times the nominal width `width_px`.
     """
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 

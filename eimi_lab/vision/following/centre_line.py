@@ -99,12 +99,12 @@ class CentreLine:
 def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     """Return the most probable line from the clamp past the points that a person clicked.
 
-    The direction of the beam is described as a random walk along the beam that begins with the direction at the clamp.
-    The positions of the beam are then normally distributed, and each clicked point is a measurement of one position
-    with a normally distributed error. The line is the mean of the positions after these measurements (the cubic
-    smoothing spline; G. Wahba, "Improper priors, spline smoothing and the problem of guarding against model errors in
-    regression", J. R. Stat. Soc. B 40 (1978) 364). An interpolating line would turn sharply at two clicks that are
-    close together.
+    The line does not pass through the clicked points: each click has an error, and a line through two clicks that are
+    close together would turn sharply. The line is instead estimated by Bayes' rule. A priori, the direction of the beam
+    is a random walk along the beam that begins with the direction at the clamp. Each clicked point is then a
+    measurement of one position, with a normally distributed error. The mean of the positions after all measurements is
+    the line, a cubic smoothing spline (G. Wahba, "Improper priors, spline smoothing and the problem of guarding against
+    model errors in regression", J. R. Stat. Soc. B 40 (1978) 364).
 
     Parameters
     ----------
@@ -134,12 +134,11 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def _covariance(one: Array, other: Array, length_px: float) -> Array:
-    """Return the covariance (px²) of the positions of a beam at n and m distances from the clamp, shape (n, m).
+    """Return the prior covariance (px²) of the positions of the beam's centre line, before any clicked point is used.
 
-    The covariance applies to one coordinate (x or y) before the clicks are known. The direction of the beam is a random
-    walk with the standard deviation `_TURN_SIGMA_RAD` at the distance `length_px`.
-
-    one, other: the distances, px, shapes (n,) and (m,).
+    `one` (n,) and `other` (m,) are distances from the clamp, px; the result has the shape (n, m). It applies to each
+    coordinate, x and y. The direction is uncertain at the clamp, and then varies along the beam as a random walk, whose
+    standard deviation is `_TURN_SIGMA_RAD` at the distance `length_px`.
     """
     nearer, farther = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
     walk = _TURN_SIGMA_RAD**2 / length_px * nearer**2 * (farther / 2.0 - nearer / 6.0)
@@ -164,12 +163,11 @@ def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
 
 
 def _merged(corners: Array) -> Array:
-    """Return the clamp and the clicked points, px, with each group of close clicked points replaced by its mean.
+    """Replace each group of clicked points that are close together by the mean of the group.
 
-    Each clicked point may lie 10 px beside the beam. The direction of a line through two points that are less than 40
-    px apart is therefore arbitrary, and the line may turn back.
-
-    corners: the clamp, followed by n - 1 clicked points, shape (n, 2).
+    A click may lie 10 px beside the beam. Two clicks that are less than 40 px apart therefore say little about the
+    direction of the beam. `corners` (n, 2) is the clamp followed by n - 1 clicked points, px; the clamp is returned
+    unchanged.
     """
     groups: list[list[Array]] = []
     for place in corners[1:]:

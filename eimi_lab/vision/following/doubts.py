@@ -22,13 +22,13 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """Return the possible error (px) of the more blurred edge if this edge is the border of the beam's own shadow.
+    """Return by how much (px) an edge may be wrong because it is the border of the beam's own shadow; 0 if it is not.
 
-    Both edges of one body are about equally far from the lens, and therefore equally blurred. The border of a shadow is
-    additionally blurred by the size of the lamp. A shadow is darker than its surroundings in every colour. The border
-    of the shadow lies outside the body. If this border is taken for the edge, the body looks wider. An edge may
-    therefore be the border of the shadow if it is clearly more blurred than the other edge, and if every colour is
-    darker on its inner side. If it is far more blurred than the other edge, the colours do not matter.
+    Both edges of a beam are about equally far from the lens, and therefore equally blurred. The border of a shadow is
+    more blurred, because the lamp has a size. A shadow is also darker than its surroundings in every colour. An edge is
+    suspected if it is clearly more blurred than the other edge, and if every colour is darker on its inner side. If it
+    is far more blurred, the colours do not matter. The border of the shadow lies outside the beam, so that the beam
+    looks too wide.
 
     Parameters
     ----------

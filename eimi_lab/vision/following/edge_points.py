@@ -144,15 +144,14 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Fit blurred steps to profiles (grey values along lines) across a curve near the edge, at n arc lengths.
+        """Locate n edge points on lines across a curve near the edge, by fits of blurred steps to the grey values.
 
-        Returned are the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape
-        (n,).
+        Return the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape (n,).
 
-        Parameters: `place` contains the arc lengths (px), and `station` the index of the nearest station of the
-        unrolled picture (the picture, sampled at stations along the beam) for each arc length. The profiles reach
-        `half` px to both sides of the curve, and `blur` (px) is the initial blur of the fit. If `level` is true, the
-        slope of the light beside the edge is removed first. The curve must then be close to the edge.
+        The lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The colours on
+        a line are weighted as at the station (place along the beam) with the index `station` (n,), the nearest one of
+        the unrolled picture. The fit starts from the blur `blur`, px. If `level` is true, the slope of the light beside
+        the edge is removed first, for which the curve must be close to the edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -181,11 +180,11 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return by how much the slope of the light changes the n profiles of m points, shape (n, m).
+        """Return what uneven light adds to n profiles (grey values at m points across the edge), shape (n, m).
 
-        A profile contains the grey values along a line across the edge. Shading, uneven light and shadows cause slopes
-        on both sides of an edge. The slope on each side is measured outside the blur of the edge, as the median over
-        neighbouring profiles. The slope begins at the edge, and is blurred like the edge.
+        Shading, uneven light and shadows let the grey values rise or fall with the distance from the edge, on each side
+        of the edge with a slope of its own. The slope is measured away from the blurred edge, as the median over
+        neighbouring profiles. It is then continued to the edge, and blurred like the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -233,9 +232,9 @@ def _common(slope: Array, residual_rms: Array) -> Array:
 def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
     """Estimate the standard deviations of edge points from their scatter about a smooth line, and detect outliers.
 
-    In a real picture, texture and uneven light cause similar errors of neighbouring points. Such errors remain in the
-    residuals of a spline with few pieces, but cancel in differences of neighbouring points. The standard deviations are
-    therefore computed from the residuals of such a spline.
+    The smooth line is a spline with few pieces, and the scatter is that of the distances from this spline. Differences
+    of neighbouring points would give too small a scatter: in a real picture, texture and uneven light displace
+    neighbouring points by similar amounts, and such errors cancel in the differences.
 
     Parameters
     ----------

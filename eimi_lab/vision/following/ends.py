@@ -61,10 +61,10 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which of n edge points, from the first to the last, come before a change of the beam's width, shape (n,).
+    """Return which of the n edge points lie before the place, near the last point, where the beam's width changes.
 
-    The beam's width changes at the first point whose width differs from the extrapolated width of the preceding points.
-    The result is True for every point if the width does not change.
+    The widths near the last point are compared with an extrapolation of the widths before. From the first point at
+    which they differ clearly, all points are marked False. If the width does not change, all n points are True.
 
     along: distance of each point from the clamp. widths: width of the beam at each point. Both have the shape (n,), and
     are in nominal widths of the beam.

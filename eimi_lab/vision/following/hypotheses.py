@@ -53,11 +53,11 @@ class Hypotheses:
     template : ndarray, shape (n, 9, channels)
         Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
     tolerance : ndarray, shape (n,)
-        Variance of a colour near the clamp, summed over the colour channels. Colours that differ by less than three
-        standard deviations count as equal.
+        Variance of the colours inside the strip near the clamp, summed over the colour channels. A colour farther
+        outward counts as equal to the remembered colour if the two differ by less than three standard deviations.
     variance : ndarray, shape (n,)
-        Smallest variance of a colour since the clamp, summed over the colour channels, with which the steps at the
-        sides of the strip are compared.
+        Like `tolerance`, but reduced during the search if the colours vary less farther from the clamp. The change of
+        colour at a side of the strip is clear if it is large compared with this variance.
     score : ndarray, shape (n,)
         Sum of the gains of all search steps. A gain measures how clearly the picture shows both edges, less the costs
         of bends.
@@ -149,9 +149,9 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix that maps the colours at 15 points across a strip to the colour steps at both edges.
+    """Return the matrix that gives the colour changes at both edges of a strip from the colours at 15 points across it.
 
-    A strip is a band of the picture that may show the beam. For c channels, the matrix has the shape (15 c, 2 c).
+    A strip is a band that may show the beam. For c colour channels, the shape is (15 c, 2 c).
     """
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
@@ -166,15 +166,14 @@ def brightness_step(colours: NDArray[np.float32]) -> Array:
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return the difference between the colours inside strips and the remembered colours: from 0 to 2, shape (...).
+    """Return how much the colours inside strips differ from the colours of earlier steps, from 0 to 2, shape (...).
 
-    A strip is a band that may show the beam. The colours are remembered from earlier steps of the search.
+    A strip is a band that may show the beam. With the mean square d² of the colour differences at the nine points
+    inside, the result is d² / (9 variance), at most 2.
 
-    The result is d² / (9 variance), at most 2. d² is the squared colour difference, averaged over nine points inside.
-
-    colours: colours at 15 points across each strip, shape (..., 15, channels). template: remembered colours at nine
-    points inside, shape (..., 9, channels). variance: variance of a colour, summed over the colour channels, shape
-    (...).
+    colours: colours at 15 points across each strip, shape (..., 15, channels). template: colours at the nine points
+    inside, remembered from earlier steps of the search, shape (..., 9, channels). variance: variance of a colour,
+    summed over the channels, shape (...).
     """
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
@@ -187,9 +186,9 @@ def updated_templates(
     """Return the remembered colours and the variances of strips after another step of the search.
 
     A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
-    colours count as equal. A variance moves by 12 % toward the variance of the present colours, if this variance is
-    smaller. The search begins at the clamp, where a clip, a tape or glue may have more colours than the beam. The
-    variance never increases, so that the edges remain clear behind a body that crosses the beam.
+    colours count as equal. The variance of a strip moves by 12 % toward the variance of the present colours, but only
+    downward. It falls because the search begins at the clamp, where a clip, a tape or glue may have more colours than
+    the beam. It never rises, so that a body that crosses the beam does not hide the edges behind this body.
 
     Parameters
     ----------

@@ -57,13 +57,16 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k seams, connected lines with one point at each place (station) along the beam, with the largest falls.
+    """Find k seams: lines along an edge that pass through the largest falls of the projected colour.
 
-    The projected colour is a weighted sum of the colours that is 1 inside the beam and 0 outside. Its outward decrease
-    is the fall. The value of a point is its fall minus 0.25 ((position - expected position) / tolerance)². From station
-    to station a seam moves by at most two points across the beam, and each point of such a move costs 0.05. Dynamic
-    programming finds the seam with the largest total value. A parabola through the values at neighbouring points
-    refines each position.
+    The projected colour is a weighted sum of the colours, 1 inside the beam and 0 outside; its decrease in the outward
+    direction is the fall. A seam has one point at each station (place along the beam). Dynamic programming finds the
+    seam with the largest sum of values. The value of a point is
+
+        fall - 0.25 ((position - expected position) / tolerance)² - 0.05 · move,
+
+    where the move, at most two, is the number of points across the beam by which the seam moves from the station before
+    to this one. Finally a parabola through the values at neighbouring points refines each position.
 
     Parameters
     ----------

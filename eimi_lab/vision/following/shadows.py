@@ -8,14 +8,14 @@ projection that is orthogonal to the colour of the surroundings maps all multipl
 shadow on the surroundings then has no step. The edge of the beam keeps a step, unless the colour of the beam is also a
 multiple of the colour of the surroundings.
 
-In a shadow that touches the beam, the beam adds some of its own colour. The colours beside the border of this shadow
-would then be taken for the colours of the beam. The first pass of the search therefore takes the colours of the beam
-from its middle.
+The colours that count as inside the beam are usually those just inside the edge that was found before. If that edge is
+the border of a shadow, these are colours of the shadow. The first pass of the search therefore takes the colours of the
+beam from its middle.
 
-The thin rim of a translucent beam and the cut side of a coloured board also look like darkened surroundings. But the
-colour of the rim is near to the colour of the beam, so that nearly the whole colour step is at the outer border of the
-rim. The cut side has a hue of its own. In both cases the outer border is kept as the edge, and the distance between the
-outer and the inner border is recorded in `Seams.shadow`.
+Two regions look like a shadow but belong to the beam: the thin rim of a translucent beam, and the cut side of a
+coloured board. The rim has nearly the colour of the beam, so that nearly the whole change of colour is at the outer
+border of the rim. The cut side has another hue than the surroundings. In both cases the outer border is kept as the
+edge, and the width of the region is recorded in `Seams.shadow`.
 """
 
 from __future__ import annotations
@@ -99,9 +99,10 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between an edge and a border outside the edge has nearly the colour of the beam.
+    """Return whether the region between an edge and a border outside it is the rim of a translucent beam.
 
-    The rim of a translucent beam is such a region.
+    A rim has nearly the colour of the beam: the change of colour at the edge is small compared with that at the border.
+    The colours are compared at the stations (places along the beam) for which `moved` is true.
     """
     colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
     at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
@@ -109,11 +110,10 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, at each of n stations, whether the region between an edge and a border has a hue like the surroundings.
+    """Return, for each of n stations, whether the hue of the region between an edge and a border is that of a shadow.
 
-    A station is a place along the beam. The hue of the region counts as similar if its distance from the hue of the
-    surroundings is less than half of the distance between the hues of the beam and of the surroundings. A shadow has
-    such a hue, because the beam throws only a part of its colour into the shadow.
+    A station is a place along the beam. A shadow has nearly the hue of the surroundings. The result is True if the hue
+    of the region differs from that of the surroundings by less than half as much as the hue of the beam does.
     """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]

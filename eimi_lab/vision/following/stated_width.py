@@ -72,7 +72,11 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
 
 
 def _wider(edge: Array, end: int) -> float:
-    """Return the logarithm of the median width of the beam, in nominal widths, at the places before its end."""
+    """Return the logarithm of the beam's width, in nominal widths; positive for a beam wider than stated.
+
+    The width is the median over the stations (places along the beam) before `end`. `edge` (2, n) holds the positions of
+    both edges across the beam.
+    """
     return float(np.log(max(np.median((edge[1] - edge[0])[:end]), 1e-3)))
 
 

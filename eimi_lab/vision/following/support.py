@@ -118,21 +118,22 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed path on which an edge is reliable, with the key of the table of flags.
+    """Return how much of the followed path has reliable edges, as a measured value for the quality checks.
 
-    The followed path leads from the clamp to the end of the search. The table of flags lists all quality checks. The
-    smaller of the shares of the two edges is returned.
+    The followed path leads from the clamp to the end of the search. For each edge, the share of the path is computed on
+    which this edge is reliable ("sure"). The smaller of the two shares is returned.
 
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable ("sure") at each of n stations (places along the beam).
+        Whether each edge is reliable at each of n stations (places along the beam).
 
     Returns
     -------
     dict of str to float
-        The key is ``"followed_patches"`` if all gaps between sure stations are shorter than a tenth of the path. The
-        path then follows the edge in spite of the gaps. Otherwise the key is ``"followed_sides"``.
+        The share, with its key in the table of quality checks. The key is ``"followed_patches"`` if all gaps between
+        reliable stations are shorter than a tenth of the path: the path then follows the edge in spite of the gaps.
+        Otherwise the key is ``"followed_sides"``.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -141,11 +142,11 @@ def sure_share(sound: Mask) -> dict[str, float]:
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
-    """Return the number of stations (places along the beam) before the end of the beam.
+    """Return how many of the n stations (places along the beam) lie before the end of the beam.
 
-    along: distance of each of n stations from the clamp, and `length` the nominal length, in nominal widths. sound:
-    whether each edge is reliable at each station, shape (2, n). Both edges of a beam end at its tip. If a single edge
-    continues near the nominal length, this edge belongs to a body in the background.
+    Both edges of a beam end at its tip. If only one edge continues near the nominal length, it belongs to a body in the
+    background. along: distance of each station from the clamp, in nominal widths, shape (n,). sound: whether each edge
+    is reliable at each station, shape (2, n). length: nominal length of the beam, in nominal widths.
     """
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
@@ -185,20 +186,19 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return whether each of n stations belongs to the longest chain of runs of one edge, shape (n,).
+    """Return which of n stations (places along the beam) belong to one edge of the beam, as the longest chain of runs.
 
-    A run is a sequence of neighbouring stations (places along the beam) at which the edge is sure (reliable). A chain
-    consists of runs that continue each other. A run after a gap continues an earlier run on two conditions. First, the
-    later run lies near the straight continuation of the earlier run. Second, the beam has about the same width in both
-    runs. The tolerances of both conditions grow with the length of the gap.
+    A run is a sequence of neighbouring stations at which the edge is sure (reliable). Between two runs is a gap. A
+    chain consists of runs that belong to the same edge, and the longest chain is returned. So the head of a hammer, the
+    border of a shadow, a body beyond the tip, or a reflection near the clamp does not become a part of the edge.
 
-    The first condition is not checked if the other edge is sure beside the whole gap, the width is about the same, and
-    either the gap is a notch (shorter than a quarter of a width) or the chain before the gap is at least 0.6 widths
-    long. The other edge and the width then show that the body is the same, also if this body bends strongly. The
-    segments of a soft arm, the folds of a bellows, and stains at one edge cause such gaps.
+    A run is joined to a chain before it if it lies near the straight continuation of the chain, and if the beam has
+    about the same width on both sides of the gap. Both tolerances grow with the length of the gap.
 
-    These conditions exclude the head of a hammer, the border of a shadow, a body beyond the tip, and a reflection
-    near the clamp that interrupts a long edge.
+    An edge that bends strongly does not continue straight. A run is therefore also joined if the other edge is sure
+    beside the whole gap, and the width is about the same. The gap must then be shorter than a quarter of a width, or
+    the chain before the gap at least 0.6 widths long. The segments of a soft arm, the folds of a bellows, and stains at
+    one edge cause such gaps.
 
     Parameters
     ----------

@@ -96,10 +96,10 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 def _noise(pixels: NDArray[np.float32]) -> float:
     """Estimate the standard deviation of the noise of a colour channel, in grey levels.
 
-    The estimate is computed from second differences along the rows of second differences along the columns, which
-    hardly contain smooth changes of the light (J. Immerkær, "Fast noise variance estimation", Computer Vision and Image
-    Understanding 64 (1996) 300). The paper takes the mean of their absolute values. Here the median is taken, so that
-    edges do not count as noise.
+    The picture is filtered by the product of two second differences, one along the rows and one along the columns. This
+    filter removes smooth changes of the light, so that mainly noise remains (J. Immerkær, "Fast noise variance
+    estimation", Computer Vision and Image Understanding 64 (1996) 300). The paper takes the mean of the absolute
+    values. Here the median is taken, so that edges do not count as noise.
     """
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # a quarter of the pixels is enough

@@ -64,8 +64,8 @@ class BeamCurve:
     def moved(self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None) -> BeamCurve:
         """Return the curve after one least-squares step toward p points beside the curve.
 
-        The points hardly determine the ends of the curve. Without `usual`, these ends keep their direction. With
-        `usual`, the ends are moved toward the curve `usual`, so that the errors of many steps do not add up.
+        The points say little about the direction of the curve at its ends. Without `usual`, the ends keep their
+        direction. With `usual`, they are drawn toward this curve, so that errors do not grow from frame to frame.
 
         Parameters
         ----------
