@@ -30,6 +30,7 @@ REACH_PX = 7  # of the gradient: 6 for the Gaussian, 1 for the Sobel operator
 STEEPEST_STEP = 2 * 2**0.5  # bound of the gradient of grey values from 0 to 1, smoothed: 4 (k0 + k1) sqrt(2) is 2.71
 ROUNDING = 1e-5  # rounding error of the gradient, as a share of the largest grey value
 STRIP_ROWS = 64
+SPARE_COLUMNS = 64  # computing the steepness of so many more columns takes as long as another computation
 LEVELS = 24
 FEWEST_PIXELS = 500  # that are needed to measure a variance
 QUANTISATION = 1 / 12  # variance of rounding to whole grey levels
@@ -76,9 +77,8 @@ class Noise:
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
         if before.dtype == after.dtype == np.uint8:  # a table gives the same values in less time
-            expected = 2 * self._of_sums[before.astype(np.intp) + after]
-            difference = after.astype(np.int32) - before
-            return float(np.mean(difference * difference) / np.mean(expected))
+            expected = self._of_sums.take(np.add(before, after, dtype=np.intp))
+            return float(cv2.norm(after, before, cv2.NORM_L2SQR) / len(chosen) / (2 * np.mean(expected)))
         before, after = before.astype(np.float64), after.astype(np.float64)
         expected = 2 * np.interp((before + after) / 2, self.levels, self.variances)
         return float(np.mean((after - before) ** 2) / np.mean(expected))
@@ -132,40 +132,51 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
     """Return whether each of H by W pixels is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
 
-    A gradient is steep if it is at least a quarter of the steepest gradient in the image. The gradients are computed
-    only where the range of the grey values permits a steep gradient, because their computation takes most of the time.
+    A gradient is steep if it is at least a quarter of the steepest gradient in the image.
+    """
+    band = np.zeros(image.shape, np.bool_)
+    band.ravel()[edge_pixels(image)] = True
+    return band
+
+
+def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the indices of the n pixels within 4 px of a steep gradient, in the flattened image, shape (n,).
+
+    The gradients are computed only where the range of the grey values permits a steep gradient, because their
+    computation takes most of the time.
     """
     highest = _highest_steepness(image)
     strip, column = np.unravel_index(np.argmax(highest), highest.shape)
-    left, right = max(int(column) - STRIP_ROWS, 0), int(column) + STRIP_ROWS
-    steepest = _steepness(image, int(strip) * STRIP_ROWS, left, right).max()
-    parts = []
-    for number, possible in enumerate(highest):
-        for left, right in _intervals(np.flatnonzero(possible >= EDGE_SHARE * steepest)):
-            steepness = _steepness(image, number * STRIP_ROWS, left, right)
-            steepest = max(steepest, steepness.max())
-            parts.append((number * STRIP_ROWS, left, steepness))
-    steep = np.zeros(image.shape, np.uint8)
-    for top, left, steepness in parts:
-        rows, columns = steepness.shape
-        steep[top : top + rows, left : left + columns] = steepness >= EDGE_SHARE * steepest
+    top, left = int(strip) * STRIP_ROWS, max(int(column) - REACH_PX, 0)
+    steepest = _steepness(image, top, top + STRIP_ROWS, left, int(column) + REACH_PX).max()
+    rectangles = _rectangles(highest >= EDGE_SHARE * steepest)
+    parts = [_steepness(image, *rectangle) for rectangle in rectangles]
+    steepest = max(steepest, *(part.max() for part in parts))
+    tops, _, lefts, _ = zip(*rectangles, strict=True)
+    first_row, first_column = max(min(tops) - EDGE_BAND_PX, 0), max(min(lefts) - EDGE_BAND_PX, 0)
+    last_row = max(top + len(part) for top, part in zip(tops, parts, strict=True)) + EDGE_BAND_PX
+    last_column = max(left + part.shape[1] for left, part in zip(lefts, parts, strict=True)) + EDGE_BAND_PX
+    height, width = image.shape
+    steep = np.zeros((min(last_row, height) - first_row, min(last_column, width) - first_column), np.uint8)
+    for top, left, part in zip(tops, lefts, parts, strict=True):
+        first, begin = top - first_row, left - first_column
+        steep[first : first + part.shape[0], begin : begin + part.shape[1]] |= part >= EDGE_SHARE * steepest
     side = 2 * EDGE_BAND_PX + 1
-    first, last = max(parts[0][0] - EDGE_BAND_PX, 0), parts[-1][0] + STRIP_ROWS + EDGE_BAND_PX
-    left = max(min(left for _, left, _ in parts) - EDGE_BAND_PX, 0)
-    right = max(left + steepness.shape[1] for _, left, steepness in parts) + EDGE_BAND_PX
-    around = steep[first:last, left:right]
-    around[:] = cv2.dilate(around, np.ones((side, side), np.uint8))
-    return steep.view(np.bool_)
+    inside = np.flatnonzero(cv2.dilate(steep, np.ones((side, side), np.uint8)).view(np.bool_))
+    columns = steep.shape[1]
+    return inside + inside // columns * (width - columns) + (first_row * width + first_column)
 
 
-def _steepness(image: NDArray[Any], top: int, left: int, right: int) -> NDArray[Any]:
-    """Return the steepness of the smoothed image in the strip of rows that begins at `top`, from `left` to `right`."""
+def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
+    """Return the steepness of the smoothed image in the rows `top` to `bottom` and the columns `left` to `right`.
+
+    The row `bottom` and the column `right` are the first ones outside.
+    """
     first_row, first_column = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
-    around = image[first_row : top + STRIP_ROWS + REACH_PX, first_column : right + REACH_PX]
+    around = image[first_row : bottom + REACH_PX, first_column : right + REACH_PX]
     smooth = cv2.GaussianBlur(around.astype(np.float32), (0, 0), SMOOTHING_PX)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
-    rows = slice(top - first_row, top - first_row + STRIP_ROWS)
-    return steepness[rows, left - first_column : right - first_column]
+    return steepness[top - first_row : bottom - first_row, left - first_column : right - first_column]
 
 
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
@@ -175,26 +186,53 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
     the grey values within `REACH_PX` of the column: the range times `STEEPEST_STEP`, plus the rounding error. It is
     computed faster than the steepness.
     """
-    tops = range(0, image.shape[0], STRIP_ROWS)
-    strips = [image[max(top - REACH_PX, 0) : top + STRIP_ROWS + REACH_PX] for top in tops]
-    lowest, highest = (np.stack([f(strip, axis=0) for strip in strips]).astype(np.float32) for f in (np.min, np.max))
+    height, width = image.shape
+    tops = range(0, height, STRIP_ROWS)
+    lowest, highest = np.empty((2, len(tops), width), image.dtype)
+    for number, top in enumerate(tops):
+        strip = image[max(top - REACH_PX, 0) : top + STRIP_ROWS + REACH_PX]
+        np.minimum.reduce(strip, axis=0, out=lowest[number])
+        np.maximum.reduce(strip, axis=0, out=highest[number])
     near = np.ones((1, 2 * REACH_PX + 1), np.uint8)
-    spread = cv2.dilate(highest, near) - cv2.erode(lowest, near)
-    return np.asarray(STEEPEST_STEP * spread + ROUNDING * np.abs([lowest, highest]).max(), np.float32)
+    lowest, highest = cv2.erode(lowest, near), cv2.dilate(highest, near)
+    spread = np.subtract(highest, lowest, dtype=np.float32)
+    largest = max(abs(float(lowest.min())), abs(float(highest.max())))
+    return np.asarray(STEEPEST_STEP * spread + ROUNDING * largest, np.float32)
 
 
-def _intervals(columns: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Group columns of an image that are close together; return the first column and the end of each group.
+def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
+    """Return rectangles of pixels that together contain each column of a strip in which `possible` is true.
 
-    The end is the last column plus 1. `columns` holds column numbers in increasing order. Two groups that are at most
-    `STRIP_ROWS` apart become one, because each separate computation costs time.
+    Few large rectangles take less time than many small ones, because each computation of the steepness costs time.
+    Columns at most `STRIP_ROWS` apart are therefore in one rectangle. A rectangle continues in the next strip if it
+    then contains at most `SPARE_COLUMNS` further columns of a strip.
+
+    Parameters
+    ----------
+    possible : ndarray of bool, shape (S, W)
+        Whether a column of a strip of `STRIP_ROWS` rows may contain a steep gradient.
+
+    Returns
+    -------
+    list of (int, int, int, int)
+        First row, row after the last, first column and column after the last of each rectangle.
     """
-    if not len(columns):
-        return []
-    gaps = np.flatnonzero(np.diff(columns) > STRIP_ROWS)
-    return list(zip(columns[[0, *gaps + 1]].tolist(), (columns[[*gaps, -1]] + 1).tolist(), strict=True))
+    strips, columns = np.divmod(np.flatnonzero(possible), possible.shape[1])
+    ends = np.flatnonzero((np.diff(strips) > 0) | (np.diff(columns) > STRIP_ROWS))
+    first, last = [0, *(ends + 1)], [*ends, -1]
+    rectangles: list[tuple[int, int, int, int]] = []  # counted in strips instead of rows
+    for strip, left, right in zip(strips[first].tolist(), columns[first].tolist(), columns[last].tolist(), strict=True):
+        here = (strip, strip + 1, left, right + 1)
+        for number, above in enumerate(rectangles):
+            both = (above[0], strip + 1, min(above[2], left), max(above[3], right + 1))
+            if above[1] == strip and _size(both) - _size(above) - _size(here) <= SPARE_COLUMNS:
+                rectangles[number] = both
+                break
+        else:
+            rectangles.append(here)
+    return [(top * STRIP_ROWS, bottom * STRIP_ROWS, left, right) for top, bottom, left, right in rectangles]
 
 
-def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the indices of the n pixels within 4 px of a steep gradient, in the flattened image, shape (n,)."""
-    return np.flatnonzero(edge_band(image))
+def _size(rectangle: tuple[int, int, int, int]) -> int:
+    top, bottom, left, right = rectangle
+    return (bottom - top) * (right - left)

@@ -82,6 +82,9 @@ def test_the_band_is_that_of_the_whole_picture_although_parts_are_left_out(dtype
         for _ in range(number % 4):  # rectangles, also at the borders of the picture
             top, left = rng.integers(0, height), rng.integers(0, width)
             image[top : top + rng.integers(1, 150), left : left + rng.integers(1, 150)] += rng.integers(-90, 90)
+        if number % 2:  # a bent beam
+            middle = width * rng.uniform(0, 1) + rng.uniform(-1, 1) * np.arange(height)[:, None] ** 2 / 300
+            image[np.abs(np.arange(width) - middle) < width / 20] -= 60
         image = (np.clip(image, 0, 255) * scale).astype(dtype)
         np.testing.assert_array_equal(edge_band(image), band_of_the_whole_picture(image), f"{image.shape}")
     assert edge_band(np.full((70, 70), 9, dtype)).shape == (70, 70)
