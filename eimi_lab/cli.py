@@ -161,9 +161,9 @@ def _status() -> int:
 
 
 def _help_of_command(error: Exception) -> str:
-    """Return a text that names the --help to read after a wrong command line.
+    """Return the end of the message about a wrong command line: it tells the user which --help to read.
 
-    This is the help of the command or, if the command is unknown, the list of all commands.
+    For a known command, this is the help of the command; otherwise the list of all commands.
     """
     context = getattr(error, "ctx", None)
     if context is None or context.parent is None:
@@ -172,9 +172,10 @@ def _help_of_command(error: Exception) -> str:
 
 
 def _rejected_value(error: Exception) -> str:
-    """Return a text with the rejected value of an option, which is appended to the message of typer.
+    """Return ", not VALUE" with the value that an option rejected, as the end of the error message.
 
-    The text is empty if the message contains the value already, that is, if typer and not pydantic checked the value.
+    typer puts the value into the message only if typer itself checked it. The result is therefore empty unless pydantic
+    checked the value.
     """
     from pydantic import ValidationError
 

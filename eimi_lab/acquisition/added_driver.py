@@ -19,10 +19,10 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Return a text from which the guardian process can restore a supply driver that the user's program added.
+    """Return a text that contains a supply driver of the user's program, for the guardian process.
 
-    The guardian process switches the coil off if the run dies. In the guardian process, `unpack` converts the text into
-    the driver again.
+    The guardian process switches the coil off if the run dies, and needs the driver for this. There, `unpack` converts
+    the text into the driver again.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def pack(name: str) -> str:
     Returns
     -------
     str
-        The class of the driver as base64 and the module search path, as JSON. The text is empty for the driver of an
-        installed package, which the other process has too.
+        A JSON object with the pickled class of the driver (as base64) and the module search path of this process. The
+        text is empty for the driver of an installed package, because the guardian process finds this driver itself.
 
     Raises
     ------

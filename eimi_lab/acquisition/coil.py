@@ -149,12 +149,10 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Start the time limit of the ramp of the current to zero now, or `ago_s` seconds before now.
+        """Fix the moment from which the time limit of `ramp_down` counts: `ago_s` seconds before this call.
 
-        Only the first call has an effect.
-
-        The handler of a signal calls this method. The duration of an exchange with the supply that is in progress then
-        counts as part of the ramp down.
+        The handler of a signal calls this method at once, while an exchange with the supply may still be in progress.
+        The rest of this exchange then counts as part of the ramp. Only the first call has an effect.
         """
         if self._ends_since_s is None:
             self._ends_since_s = self._clock.now() - ago_s
@@ -170,8 +168,8 @@ class Coil:
         stop_if_asked : callable
             Called between the check for faults and the measurement. It may raise an exception.
         early_s : float
-            Time by which the interval is shortened, s. A second thread calls the method with a positive `early_s`, so
-            that the calls of the run itself never have to measure.
+            Time by which the interval `WATCH_EVERY_S` is shortened, s. A second thread calls the method with a positive
+            `early_s`. This thread then measures a little before the run would, and the run itself never has to measure.
 
         Raises
         ------
@@ -196,7 +194,7 @@ class Coil:
                     self._compare(self._measure())
             finally:
                 self._stepping.release()
-        with self._without_ramp():
+        with self._marking_out_of_control():
             self._interlocks.check_silence(self._clock.now())
 
     def _compare(self, reading: Reading) -> None:
@@ -208,7 +206,7 @@ class Coil:
             if not self._is_right(reading.current_A):
                 self.out_of_control = True
                 raise self._off_target(self._swapped(reading.current_A))
-        with self._without_ramp():
+        with self._marking_out_of_control():
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
@@ -220,14 +218,15 @@ class Coil:
 
     def check(self) -> None:
         """Raise InstrumentError if the supply reports a fault or does not answer."""
-        with self._reaching():
+        with self._timed_exchange():
             self.supply.check()
 
     @contextmanager
-    def _reaching(self) -> Iterator[None]:
-        """Record the duration of the body of a with statement, which contains one exchange with the supply.
+    def _timed_exchange(self) -> Iterator[None]:
+        """Measure how long one exchange with the supply takes; the body of a with statement carries out the exchange.
 
-        If the supply gives no usable answer, store the reason in `unreachable`, and raise the error again.
+        `ramp_down` needs the durations to estimate whether another step still fits into its time. If the supply gives
+        no usable answer, the reason is stored in `unreachable`, and the error is raised again.
         """
         began_s = self._clock.now()
         try:
@@ -238,10 +237,11 @@ class Coil:
             raise
 
     @contextmanager
-    def _without_ramp(self) -> Iterator[None]:
-        """Set `out_of_control` if the body of a with statement finds a reading outside its bounds.
+    def _marking_out_of_control(self) -> Iterator[None]:
+        """Set `out_of_control` if the check in the body of a with statement raises BeyondInterlock.
 
-        The coil is then switched off without a ramp of the current to zero, because a ramp might take too long.
+        This error means that a reading is outside its bounds. The run then switches the coil off at once, because a
+        ramp of the current to zero might take too long.
         """
         try:
             yield
@@ -269,7 +269,7 @@ class Coil:
     def _set(self, current_A: float) -> None:
         self.asked_A, sent_s = current_A, self._clock.now()
         self._recent.append((sent_s, current_A))
-        with self._reaching():
+        with self._timed_exchange():
             self.supply.set_current(self._swapped(current_A))
         self.changed_s = self._clock.now()
         self._set_points.append(
@@ -376,7 +376,7 @@ class Coil:
         return measured
 
     def _measure(self) -> Reading:
-        with self._reaching():
+        with self._timed_exchange():
             return self.supply.measure()
 
     def _measure_A(self) -> float:

@@ -70,10 +70,12 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 
 
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
-    """Yield, for each current, the change of the beam's shape between the first and the last frame at this current.
+    """Yield how far the load cycles changed the shape of the beam, once for the loaded and once for the unloaded beam.
 
-    The change is the distance between the two positions of the beam's tip. If the tip is not visible in one of the
-    frames, the whole images are compared.
+    `shapes` contains the frames that `condition` took at each current, each with the number of its load cycle. For each
+    current, the first and the last frame are compared. The change is the distance between the two positions of the
+    beam's tip. If the tip is not visible in one of the two frames, the change is instead the difference of the two
+    images.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

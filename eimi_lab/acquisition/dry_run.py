@@ -41,7 +41,7 @@ RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the volta
 
 
 class _Wire(InProcessTransport):
-    """A line to an emulated (simulated) supply that passes every message to the function `say` before sending it."""
+    """The connection to an emulated supply. Each message is passed to the function `say` and then to the supply."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
@@ -92,8 +92,8 @@ def dry_run(
 
     The run is carried out on an emulated supply in simulated time. The simulated beam is at rest at once, so that the
     simulated duration is the shortest possible duration. The longest possible duration is listed too. A driver of
-    another package has no emulator: the messages of this driver are not listed, and the times are the times of the
-    emulated supply that replaces it.
+    another package has no emulator. Another emulated supply then takes its place: the times are those of the other
+    supply, and no messages are listed.
 
     Parameters
     ----------

@@ -60,10 +60,10 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that describes events in sentences and passes the sentences to two functions.
 
-    An event is a record of one thing that happened in a run, and a listener is a function that receives events. The
-    listener passes on no sentence about two events: an error that ends the run, and a coil that may still be on at the
-    end of the run. For both events, the run raises an exception, whose message the command prints. During the run, the
-    listener reports each failed attempt to switch the coil off, and the result of further attempts.
+    An event is a record of one thing that happened in a run, and a listener is a function that receives events. Two
+    events give no sentence, because the run raises an exception for them, whose message the command prints: an error
+    that ends the run, and a coil that may still be on at the end of the run. During the run, each failed attempt to
+    switch the coil off gives a sentence.
 
     Parameters
     ----------

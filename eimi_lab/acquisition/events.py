@@ -80,12 +80,13 @@ class OutputSwitched(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeChange:
-    """The change of the position at which the tip comes to rest, from an earlier load cycle to the last load cycle.
+    """How far the load cycles before a run changed the shape of the beam at one current.
 
-    Both positions belong to one current. `since_cycle` is the number of the earlier cycle; 0 means before the first
-    cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the tip; null if no tip is
-    visible. If no tip is visible, `difference_ratio` is the difference of the two images divided by the difference due
-    to noise; otherwise null.
+    The beam at rest after the last load cycle is compared with the beam at rest in an earlier cycle. `since_cycle` is
+    the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance
+    between the two positions of the tip (pixels and mm); null if no tip is visible. In this case `difference_ratio` is
+    the difference of the two images, divided by the difference that the noise of the camera alone causes; otherwise
+    null.
     """
 
     current_A: float
@@ -97,9 +98,9 @@ class ShapeChange:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditioningDone(Event):
-    """All load cycles before the run are done. `changes` gives the change of the beam's shape at each current.
+    """All load cycles before the run are done.
 
-    `cycles` is the number of load cycles.
+    `cycles` is the number of load cycles. `changes` contains, for each current, the change of the beam's shape.
     """
 
     event: ClassVar[str] = "conditioning_done"
@@ -274,12 +275,13 @@ class Fault(Event):
 class OffConfirmed(Event):
     """The coil is off.
 
-    `by` is the process that switched the coil off. `determined_by` is "commanded" if the supply reports a set-point of
-    zero and an output that is off; it is "measured" if in addition a measured current is below the limit. `current_A`
-    and `limit_A` are the measured current and the limit; null if the supply cannot measure. `takeover` is the reason
-    why the guardian process switched the coil off; null if the run switched it off. `run_killed` is true if the
-    guardian killed the run before switching off. `address` is the address of the supply; empty if the run switched the
-    coil off. `remark` describes failures before the coil was off, in words; usually empty.
+    `by` is the process that switched the coil off. `determined_by` tells how the program knows that the coil is off:
+    "commanded" means that the supply reports a set-point of zero and an output that is off, and "measured" means that
+    in addition the measured current is below a limit. `current_A` and `limit_A` are this current and this limit; null
+    if the supply cannot measure. `takeover` is the reason why the guardian process switched the coil off; null if the
+    run switched it off. `run_killed` is true if the guardian killed the run before switching off. `address` is the
+    address of the supply; empty if the run switched the coil off. `remark` describes failures before the coil was off,
+    in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"

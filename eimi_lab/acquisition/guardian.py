@@ -59,10 +59,10 @@ class Ward:
 
     `driver`, `address` and the limits `current_A` and `voltage_V` come from the rig file. `off_below_A` is the current
     below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's program
-    added, as text; empty for an installed driver. `identity` contains the identification text and the serial
-    number of the supply that the run uses; None until the run has read both. `recognised` is true if the run switched
-    the output off and still measured a current. The guardian then knows that this supply is the supply of the coil,
-    although its output is off.
+    added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
+    the supply that the run uses; None until the run has read both. `recognised` is true if the run switched the output
+    off and still measured a current. Otherwise the guardian takes a supply without a serial number for the supply of
+    the coil only if its output is on.
     """
 
     driver: str

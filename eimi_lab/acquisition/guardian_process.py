@@ -221,19 +221,22 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open the supply, compare its identity, switch the supply off, measure its current and close the connection.
+    """Open the supply, switch it off, check that it is the supply of the coil, and close the connection.
 
-    The only set-point that is sent is zero. The current is not reduced in a ramp, because the ramp would have to begin
-    at the measured current, and a current measured during a fault may be twice the set-point or more.
+    The only set-point that is sent is zero. The current is not reduced in a ramp, because a ramp would have to begin at
+    the measured current, and a current measured during a fault may be twice the set-point or more.
+
+    If the supply has no serial number, it is recognised by its behaviour: it must be on, as the run left it, in at
+    least one attempt. A supply that is always found off may be another supply of the same type, and the coil does not
+    count as off.
 
     Parameters
     ----------
     ward : Ward
         The supply of the coil: its driver, address, limits and identity.
     was_on : set of bool
-        Receives True if this attempt finds the output on, as the run left it, or measures a current above the limit. If
-        the set is empty at the end, the supply that answered may be another supply of the same type, and the coil does
-        not count as off. A supply with a serial number or on a pseudo-terminal is recognised in any case.
+        Memory of all attempts. It is empty until an attempt finds the output on or measures a current above the limit;
+        this attempt adds True.
 
     Returns
     -------
@@ -312,10 +315,10 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output of the supply is off now and was off in every earlier attempt.
+    """Return whether the output of the supply was off in this attempt and in every earlier attempt.
 
-    If the output is on, add True to `was_on`, which is empty while no attempt found the output on. Return False if the
-    supply does not answer.
+    `was_on` is the memory of all attempts: True is added if the output is on now. If the supply does not answer, False
+    is returned.
     """
     with suppress(InstrumentError):
         if supply.output_on():
@@ -325,10 +328,10 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_one_of_a_kind(ward: Ward) -> bool:
-    """Return whether the identity of the supply is sufficient to recognise the supply of the coil.
+    """Return whether the supply of the coil can be recognised by its identity alone.
 
-    The identity is sufficient if it contains a serial number, or if the supply is on a pseudo-terminal. If the run has
-    sent no identity, nothing is compared, and True is returned.
+    This is so if the identity contains a serial number, or if the supply is on a pseudo-terminal. True is also returned
+    if the run has sent no identity, because there is then nothing to compare.
     """
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 

@@ -1,7 +1,8 @@
 """Predict the heat of the coil during a run, and refuse a protocol that would overheat the coil.
 
-The coil is modelled as a body of first order: it loses heat in proportion to its temperature rise. The resistance of
-the coil is assumed constant. The temperature rise is then proportional to the heat h (A²) with
+The coil is modelled as one body with a constant resistance, which loses heat in proportion to its temperature rise. The
+temperature rise is then proportional to a quantity h, which this package calls the heat of the coil. Its unit is A²,
+and it follows
 
     τ dh/dt = I² − h,
 
@@ -68,16 +69,18 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """Yield the stages of a run (load cycles, states, ring-downs) in their order, to predict the heat of the coil.
+    """Yield the stages of a run (load cycles, states and ring-downs), in the order of the run.
+
+    `hottest` computes the heat of the coil from these stages.
 
     Yields
     ------
     stage : str
-        Name of the stage.
+        Description of the stage, for example "state 3 (1.5 A)".
     current_A : float
-        Current, A.
+        Current in the stage, A.
     held_s : float
-        Longest time for which the current is held, s.
+        Longest time for which the current is constant, s.
     """
     at_rest_s = protocol.settle.timeout_s + REACHED_WITHIN_S
     if rule := protocol.conditioning:

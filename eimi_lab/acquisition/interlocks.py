@@ -64,10 +64,11 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if the last value of a reading is too old.
+        """Raise BeyondInterlock if a reading gave no new value for too long.
 
-        `now_s` is the time on the clock of the run (s). The largest age is `longest_silence_s` of the interlock (the
-        bounds of the reading). There is no limit for the time until the first value.
+        `now_s` is the present time on the clock of the run (s). The longest permitted time between two values is
+        `longest_silence_s` of the interlock (the bounds of the reading). The time before the first value is not
+        limited.
         """
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
@@ -75,9 +76,10 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Discard the times of all readings, because a value may come late while the output is off.
+        """Forget when the values of the readings arrived, before the output is switched on again.
 
-        The time without a value then counts from the next value of each reading.
+        While the output is off, values may arrive late, and this is no reason to end the run. For each reading,
+        `check_silence` then counts the time from the next value.
         """
         self._came_s.clear()
 

@@ -37,10 +37,10 @@ class Heeded(Protocol):
 
 
 class Interruption:
-    """Methods by which a run reacts to signals during long operations of its instruments and of its dataset writer.
+    """Methods that long operations call at points where a signal may interrupt them.
 
-    The instruments and the writer call the methods during such operations. Inside `with heeding(run)`, each call is
-    passed to this run. Otherwise the methods do nothing.
+    The open instruments and the writer of the dataset call these methods. Inside `with heeding(run)`, each call is
+    passed to the run, which may raise an error to interrupt the operation. Outside, the methods do nothing.
     """
 
     def __init__(self) -> None:
@@ -69,10 +69,9 @@ class Interruption:
             self._run.leave_in_haste()
 
     def while_waiting(self) -> None:
-        """End the wait for the camera if a signal has come; tell the guardian process that the run is alive.
+        """End the wait for the camera with an error if a signal has come. The camera calls this method while it waits.
 
-        The guardian process switches the coil off if the run dies. The method raises an error to end the wait. The
-        camera calls this method repeatedly while it waits for its driver.
+        The call also tells the guardian process, which switches the coil off if the run dies, that the run is alive.
         """
         if self._run:
             self._run.stop_if_asked()
@@ -80,8 +79,8 @@ class Interruption:
     def while_storing(self) -> None:
         """Switch the coil off now if a second signal has come or the current is wrong; otherwise do nothing.
 
-        The writer of the dataset calls this method repeatedly while it stores a state (load step), and then finishes
-        storing. The method is also called before each sensor is read.
+        The writer of the dataset calls this method repeatedly while it stores a state (load step). Storing the state
+        then continues to its end. The method is also called before each sensor is read.
         """
         if self._run:
             self._run.switch_off_in_haste()

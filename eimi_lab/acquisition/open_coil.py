@@ -154,7 +154,10 @@ def attached() -> str:
 
 
 def _addresses(search: Callable[[], Iterable[Found]]) -> str:
-    """Return the addresses (ports or cameras) that a search finds, or why the operating system does not list them."""
+    """Return the addresses that `search` finds, separated by commas.
+
+    If there are none, the text is "none". If the operating system cannot list them, the text gives the reason.
+    """
     try:
         return ", ".join(instrument.address for instrument in search()) or "none"
     except OSError as error:

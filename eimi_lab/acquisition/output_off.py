@@ -15,16 +15,18 @@ from eimi_lab.config.protocol import Ramp
 def begin_with_output_off(
     bench: Bench | CoilBench, ramp: Ramp, take_over: bool, simulated: bool, on_event: OnEvent
 ) -> None:
-    """Refuse a supply whose output is on, or switch its output off if `take_over` is true.
+    """Make sure that the output of the supply is off before a run begins.
+
+    If the output is on, switch it off if `take_over` is true, and otherwise refuse the supply with an error.
 
     Parameters
     ----------
     bench : Bench or CoilBench
         The open instruments.
     ramp : Ramp
-        Rate and step of the ramp down, if the output is switched off.
+        Rate and step of the current's ramp to zero, before the output is switched off.
     take_over : bool
-        Whether an output that is on is ramped down and switched off. If false, the supply is refused.
+        Whether an output that is on is switched off.
     simulated : bool
         Whether the supply is simulated. If the output of a simulated supply is off, no current is measured.
     on_event : OnEvent

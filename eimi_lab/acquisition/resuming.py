@@ -120,10 +120,9 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Return the time (s) since a run began, by the clock of the computer.
+    """Return the time (s) since the beginning of a run, by the clock of the computer.
 
-    The last time in the dataset is returned if it is later: a simulated clock may be ahead of the clock of the
-    computer.
+    A simulated run may be faster than this clock. If the last time in the dataset is later, it is returned instead.
     """
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

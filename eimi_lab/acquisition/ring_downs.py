@@ -83,10 +83,10 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield a recorder for one ring-down, in which the current steps to zero and the beam swings freely.
+    """Yield an object that records one ring-down, in which the current steps to zero and the beam swings freely.
 
-    At the end of the context, also after an error, store the frames and send `RingDownStored`. `number` is the number
-    of the ring-down, from 0, and `from_A` the current before the step, A.
+    At the end of the context, the frames are stored and `RingDownStored` is sent, also after an error. `number` is the
+    number of the ring-down, from 0, and `from_A` the current before the step, A.
     """
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:

@@ -260,11 +260,12 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data from which the last event (a record of what happened) of a run is made.
+    """The data from which `event` makes the last event (a record of what happened) of a run.
 
-    `path` is the path of the dataset, `states` the number of states (load steps) in the protocol and `stored` the
-    number of states in the dataset. After the writer of the dataset was opened, `writer` is set, and gives the path and
-    the number of stored states instead. `off` is the last event that confirmed the coil off.
+    `path` is the path of the dataset, `states` the number of states (load steps) in the protocol, and `stored` the
+    number of states in the dataset. `writer` is None until the dataset is open for writing. From then on, path and
+    number come from the writer, and the fields `path` and `stored` are ignored. `off` is the last event that confirmed
+    the coil off.
     """
 
     path: Path
@@ -328,12 +329,11 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
 def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
-    """Carry out the run with the output on: the conditioning, the states from number `first` on, and the ring-downs.
+    """Switch the output on, carry out the run from state (load step) number `first` on, and switch the output off.
 
-    Conditioning: load cycles before the first state. Ring-downs: free oscillations after a step of the current to zero.
-
-    At the end the output is switched off. A resumed run has no conditioning, because the first part of the run carried
-    it out.
+    The run consists of load cycles (conditioning), the states, and the ring-downs: free oscillations after a step of
+    the current to zero. A resumed run begins with `first` > 0 and has no load cycles, because they were applied before
+    the interruption.
     """
     protocol, states = run.protocol, len(run.protocol.currents_A)
     try:

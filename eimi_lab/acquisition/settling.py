@@ -70,10 +70,10 @@ def wait_until_settled(
     `rule.drift_window_s` apart is at most `rule.noise_ratio`; this condition detects creep. A frame that equals the
     previous frame including its noise is a repetition by the camera and is not counted.
 
-    The ratio is computed in a band of pixels along the edges of the beam. Finding the band takes most of the time.
-    Therefore the band is found only in the first pair of frames, each time the ratio falls to `rule.noise_ratio`, and
-    in the frame that ends the wait. If the beam has moved out of an old band, the ratio in the old band is small
-    although the beam still moves. The new band then shows the motion.
+    The ratio is computed in a band of pixels along the edges of the beam. If the beam moves out of this band, the ratio
+    in the band becomes small although the beam still moves. Therefore a new band is found each time the ratio falls to
+    `rule.noise_ratio`, and in the frame that ends the wait; the ratio in the new band decides. The band is not found in
+    every frame, because this takes most of the time.
 
     Parameters
     ----------

@@ -51,10 +51,10 @@ class Stepping:
     on_event: OnEvent
 
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
-        """Ramp through the currents of all states (load steps) before number `state` without taking frames.
+        """Ramp through the currents of all states (load steps) before number `state`, without taking frames.
 
-        This repeats the history of loads, on which the shape of a beam depends. If the leads of the coil are swapped,
-        only the negative currents are passed.
+        The beam then has the same history of loads as before the interruption, on which its shape depends. While the
+        leads of the coil are swapped, only the negative currents of these states are passed.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:

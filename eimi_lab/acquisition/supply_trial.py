@@ -231,7 +231,7 @@ def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guard
 
 
 def _measure_zero(trial: SupplyTrial, supply: PowerSupply, clock: Clock) -> None:
-    """Carry out the step that measures the zero error of the ammeter: its readings while no current flows.
+    """Carry out the step that reads the ammeter of the supply while no current flows, which shows its zero error.
 
     Raises _Failed if the step fails.
     """

@@ -57,9 +57,10 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Store the number of a signal, and start the time limit of the ramp of the current to zero.
+        """Store the number of a signal; the run reacts to it later. This is the handler of the signals.
 
-        This is the handler of the signals. For a suspension (Ctrl-Z), only the request is stored.
+        The time limit of the ramp to zero current counts from this call. For Ctrl-Z, only the fact is stored, and
+        `move_on` refuses the suspension.
         """
         if number == SUSPEND:
             self._suspended = True
@@ -116,15 +117,19 @@ class _SignalsHeeded:
                 raise
 
     def go_on_down(self) -> None:
-        """Raise _InHaste if a second signal has come. The ramp to zero current calls this method between its steps."""
+        """End the ramp of the current to zero early, by raising _InHaste, if a second signal has come.
+
+        The ramp calls this method between its steps. The call also tells the guardian process that the run is alive.
+        """
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """Raise Stopped after a second signal, and StoodStill if the run stood still for too long.
+        """Interrupt an exchange with the supply by an error: Stopped after a second signal, StoodStill after a gap.
 
-        The supply calls this method between two messages. A signal interrupts only an operation in the main thread.
+        The supply calls this method between two messages. In another thread than the main thread, a signal has no
+        effect. After the coil was switched off, the method does nothing.
         """
         if not self._off:
             self._refuse_a_gap()
@@ -278,18 +283,19 @@ def ramp_down_and_switch_off(
 
 
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
-    """Switch the coil off, report the result as events, and tell the guardian process that the coil is off.
+    """Switch the coil off, send the result as an event, and disarm the guardian process.
 
     Parameters
     ----------
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The guardian process. If the coil could not be confirmed off, the guardian continues to try to switch it off.
+        The guardian process, which switches the coil off if the run dies. If the coil could not be confirmed off, the
+        guardian is armed and continues to try.
     on_event : OnEvent
         Receives the events.
     failed : str
-        Why the ramp down failed, in words; empty if it did not fail.
+        Why the ramp to zero current failed, in words; empty if it did not fail.
     """
     if guardian:
         guardian.allow(OFF_WITHIN_S)

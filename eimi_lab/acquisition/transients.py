@@ -12,9 +12,10 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 class Transient:
     """The frames of a state (load step) that are kept while the beam settles or creeps: at most `budget` frames.
 
-    The kept frames are spaced logarithmically in the time since the current last changed, because creep proceeds with
-    the logarithm of time. After every kept frame, the intervals of the remaining frames are computed again. The number
-    `budget` is therefore reached even if the first intervals are shorter than the time between two frames.
+    Each kept frame is later than the previous one by about the same factor in the time since the current last changed,
+    because creep proceeds with the logarithm of time. After every kept frame, this factor is computed again from the
+    remaining time and the remaining number of frames. Frames are therefore not lost if the first intervals would be
+    shorter than the time between two frames of the camera.
 
     Parameters
     ----------

@@ -65,5 +65,8 @@ EXAMPLES = {
 
 
 def in_help(examples: Sequence[str]) -> str:
-    """Return the examples of a command as a text for --help, with a control character that prevents wrapped lines."""
+    """Return the examples of a command as a text for --help.
+
+    A control character at the beginning of the text keeps typer from joining the lines.
+    """
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

@@ -169,9 +169,10 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The inputs and the output of an import of states: source, table of states (states.csv), specimen and dataset.
+    """The paths and the specimen of an import of states.
 
-    ``force`` is true if an existing dataset is replaced.
+    `source` contains the images, `states` is the table of states (states.csv), `beam` is the content of specimen.toml,
+    and `output` is the dataset. `force` is true if an existing dataset is replaced.
     """
 
     source: Path

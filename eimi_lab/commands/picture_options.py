@@ -110,7 +110,9 @@ def _points(option: str, text: str) -> tuple[tuple[float, ...], ...]:
 def ask_where(
     missing: tuple[str, ...], source: Path, states: Path, calibration: str, output: Path, every: int | None = None
 ) -> InputError:
-    """Write an image of the beam with pixel rulers at its sides, and return an error that asks the user to read values.
+    """Return an error that asks the user to read the position or the direction of the beam from an image.
+
+    The image is written next to the dataset. It shows the first picture, with rulers in pixels at its sides.
 
     Parameters
     ----------
@@ -121,7 +123,7 @@ def ask_where(
     calibration : str
         Name of the calibration file, for the message.
     output : Path
-        The dataset. The image with rulers is written to the same folder.
+        The dataset that the command will write. The image is written to the same folder.
     every : int or None
         The number n if only every n-th frame of a video is imported; otherwise None.
 

@@ -39,9 +39,9 @@ class Result:
 
 
 def _reachable(argument: Any) -> Any:
-    """Return an argument of a command, in which every path has a form that Windows can open, also if it is long.
+    """Return an argument of a command, with each path in a form that Windows can open even if the path is long.
 
-    The argument may be a path, a list with paths, or any other value, which is returned unchanged.
+    The argument may be a path or a list that contains paths. Any other value is returned unchanged.
     """
     if isinstance(argument, Path):
         return reachable(argument)

@@ -174,11 +174,11 @@ class Calibration(Document):
         return tuple(key for key in keys_of("calibration") if getattr(self, key, None) is not None)
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return an object for each quantity in the table [uncertainty] of the calibration.
+        """Return the standard uncertainties in the table [uncertainty] of the calibration, in the form for a fit.
 
-        The object gives a fit the standard uncertainty of the quantity, and tells which datasets have the same error.
-        The errors of a calibration are common to all datasets with this calibration. The error of the coil constant is
-        common to all datasets with the same coil constant.
+        Each `StatedSource` contains the uncertainty of one quantity, and the name of what causes the error. Datasets
+        with the same name have the same error: all datasets with this calibration, and for the coil constant all
+        datasets with the same value of the coil constant.
         """
         coil = f"coil of {self.mT_per_A:g} mT/A"
         numbers = self._as_json({"picture"})
@@ -201,9 +201,10 @@ class Calibration(Document):
         return hashlib.sha256(self._as_json(set()).encode()).hexdigest()
 
     def _as_json(self, excluded: set[str]) -> str:
-        """Return the values of the calibration as JSON, without the keys ``excluded``.
+        """Return the values of the calibration as JSON, without the keys ``excluded``, to compute a hash of the values.
 
-        Absent keys that later releases added are left out, so that the JSON of an old calibration does not change.
+        A key that a later release added is left out if the calibration does not have it. The hash of an old calibration
+        then stays the same in every release.
         """
         absent = {key for key in _OF_LATER_RELEASES if getattr(self, key) is None}
         return self.model_dump_json(exclude=excluded | absent)
@@ -253,10 +254,10 @@ def load_calibration(path: str | Path, changes: Changes | None = None) -> Calibr
 
 
 def missing_places(path: str | Path, changes: Changes) -> tuple[str, ...]:
-    """Return which of the keys of `PLACES` are missing both in a calibration file and in ``changes``.
+    """Return the keys that the user still has to give: "clamp_midpoint_px", "axis_angle_deg", both or none.
 
-    `PLACES` contains the keys of the values that a user measures in a picture: "clamp_midpoint_px" and
-    "axis_angle_deg".
+    A user measures these two values in a picture. A key is missing if neither the calibration file nor ``changes``
+    contains it.
 
     Parameters
     ----------

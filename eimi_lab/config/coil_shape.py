@@ -27,12 +27,12 @@ Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
 
 
 class CoilShapeTable(Table):
-    """How the field of the coil depends on the position in the plane of the beam, in the beam frame.
+    """How the field of the coil varies in the plane of the beam, relative to its value at the magnet.
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The table gives only the
-    dependence on position. The strength follows from coil_constant_mT_per_A, which is the field at the middle of the
-    magnet at rest, or at the middle of the beam if there is no magnet. The user gives two circular loops of wire with a
-    common axis, a map (the measured field at the points of a grid), or only a gradient.
+    The user gives one of three descriptions: two circular loops of wire with a common axis, a map (the measured field
+    at the points of a grid), or only a gradient. The value at the magnet comes from the key coil_constant_mT_per_A:
+    this is the field at the middle of the magnet at rest, or at the middle of a beam without a magnet. Positions are in
+    the beam frame, where x runs along the straight beam from the clamp, and y across the beam.
     """
 
     radius_mm: float | None = Field(default=None, gt=0)

@@ -70,9 +70,9 @@ class TrueMaterial(Table):
 
 
 class TrueBench(Table):
-    """Properties with which a bench is simulated, where they differ from the specimen file and the calibration file.
+    """The true properties of a simulated bench, where they differ from the specimen file and the calibration file.
 
-    The differences imitate the errors of a real bench, such as a wrong coil constant.
+    The differences imitate the errors of a real bench, for example a coil constant that was measured wrongly.
     """
 
     magnetisation_angle_deg: float = Field(default=0.0, ge=-180.0, le=180.0)

@@ -259,11 +259,11 @@ class Protocol(Document):
 
     @property
     def extremes_A(self) -> tuple[tuple[str, float], ...]:
-        """The currents of the run that may exceed a limit: the smallest and the largest set-point, and two others.
+        """The currents of the run that may exceed a limit, each with the key from which it comes.
 
-        The others are the current of the load cycles before the run, and the current before the step to zero after
-        which the beam swings freely. A current that protocol.toml does not give is left out. Each entry consists of the
-        key in protocol.toml and the current in A.
+        These are the smallest and the largest set-point, the current of the load cycles before the run, and the current
+        before a ring-down (a step to zero, after which the beam swings freely). The last two are left out if
+        protocol.toml does not give them. Each entry consists of the key in protocol.toml and the current in A.
         """
         ends = [(f"current.{self.current.key_of(end)}", end) for end in (min(self.currents_A), max(self.currents_A))]
         conditioning = [("conditioning.current_A", self.conditioning.current_A)] if self.conditioning else []
@@ -273,7 +273,7 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of parts of a run for the display of the progress: its set-points and its ring-downs.
+        """The number of steps that the display of the progress counts: the set-points and the ring-downs of the run.
 
         In a ring-down the current steps to zero and the beam swings freely.
         """

@@ -13,7 +13,7 @@ from eimi_lab.config.uncertainty import OfRig, stated_sources
 
 
 class _RigUncertainty(Document):
-    """The table [uncertainty] of a rig file; all other keys of the file are ignored."""
+    """The table [uncertainty] of a rig file. All other keys of the file are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -21,7 +21,9 @@ class _RigUncertainty(Document):
 
 
 def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tuple[StatedSource, ...]:
-    """Return the uncertainty of the current in the table [uncertainty] of a rig file, as an uncertainty of the field.
+    """Return the uncertainty of the field that follows from the uncertainty of the current in a rig file.
+
+    The rig file gives the standard uncertainty of the current in its table [uncertainty].
 
     Parameters
     ----------
@@ -35,8 +37,8 @@ def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tupl
     Returns
     -------
     tuple of StatedSource
-        One source of uncertainty (mT) for each key of the table; empty without a table. The error of the supply is
-        common to all datasets of the same rig.
+        The standard uncertainty of the field (mT), with the name of the supply. The error of a supply is common to all
+        datasets with this name. Empty if the file has no table [uncertainty].
 
     Raises
     ------

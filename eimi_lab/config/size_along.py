@@ -12,13 +12,15 @@ Rows = tuple[tuple[float, float], ...]
 
 
 class SizeAlong(float):
-    """A width or depth (mm) that varies along the beam. The object itself is a number: the mean over the arc length.
+    """A width or depth (mm) that varies along the beam.
+
+    The class is a subclass of float: used as a number, the object is the mean width or depth along the beam.
 
     Parameters
     ----------
     rows : tuple of (float, float)
-        Arc length from the clamp and size, both in mm. Between two rows the size changes linearly. Two rows with the
-        same arc length are a step.
+        Pairs of arc length from the clamp and size, both in mm. Between two rows the size changes linearly. Two rows
+        with the same arc length describe a sudden change.
     """
 
     rows: Rows

@@ -213,7 +213,7 @@ class SpecimenFile(Document):
         return self
 
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
-        """Return the smallest width or depth (mm) of the beam between the two ends of the magnet.
+        """Return the smallest width or depth (mm) of the beam beside the magnet, which must fit into the beam.
 
         ``side`` is "width_mm" or "depth_mm".
         """
@@ -229,11 +229,10 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the quantities of the file that may have an uncertainty, such as sizes and densities.
+        """Return the sizes, densities and the remanence of the file, with which their uncertainties are compared.
 
-        A key of the result is a key of the table [uncertainty], for example "magnet_width_mm". Its entry consists of
-        the full key of the quantity in the file, here "magnet.width_mm", and of the value of this quantity; None if the
-        file does not contain the quantity. The uncertainty of a quantity is checked against this value.
+        The keys of the result are the keys of the table [uncertainty], for example "magnet_width_mm". Each entry
+        consists of the key of the quantity, here "magnet.width_mm", and its value; None if the file does not give it.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")
@@ -249,11 +248,11 @@ class SpecimenFile(Document):
         return (*keys, "magnetisation_angle_deg") if self.magnet else keys
 
     def stated_sources(self) -> tuple[StatedSource, ...]:
-        """Return an object for each quantity in the table [uncertainty] of the specimen file.
+        """Return the standard uncertainties in the table [uncertainty] of the specimen file, in the form for a fit.
 
-        The object gives a fit the standard uncertainty of the quantity, and tells which datasets have the same error.
-        The errors of a specimen are common to all datasets of this specimen. If `measured_with` names an instrument,
-        the errors of lengths are common to all specimens that were measured with this instrument.
+        Each `StatedSource` contains the uncertainty of one quantity, and the name of what causes the error. Datasets
+        with the same name have the same error: all datasets of this specimen, and for lengths all datasets whose
+        specimens were measured with the same instrument (`measured_with`).
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with

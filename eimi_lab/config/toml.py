@@ -189,7 +189,10 @@ def _decimal_comma(text: str) -> str:
 
 
 def _longest_key(line: str) -> int:
-    """Return the largest number of dots in a key of a line of TOML, to reject a key with too many parts."""
+    """Return the number of dots in the longest dotted key of a line of TOML; a.b.c has two dots.
+
+    A line with too many dots is refused, because its tables would be nested too deeply.
+    """
     *keys, _ = line.split("=")
     if line.lstrip().startswith("["):
         keys.append(line)
@@ -324,10 +327,10 @@ def _shown(value: object) -> str:
 
 
 def _known_keys(table: Any, location: tuple[str, ...]) -> list[str]:
-    """Return the keys of the table at a location in a file; an empty list if there is no table at this location.
+    """Return the keys that a table of a file may have; an empty list if the file can have no such table.
 
-    ``table`` is the pydantic model of the file. ``location`` contains the names of the enclosing tables, followed by
-    the name of the table.
+    ``table`` is the pydantic model of the whole file. ``location`` gives the names of the tables from the outermost to
+    the table itself, for example ("virtual", "optics").
     """
     for part in location:
         if part.isdecimal():  # the number of one of several tables [[name]]

@@ -25,10 +25,10 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] in one kind of file.
+    """Return the permitted keys of the table [uncertainty] in one kind of file, and what they stand for.
 
-    The result maps each key in the file to the name of the source of uncertainty in
-    `eimi_fitting.inference.evidence.sources.SOURCES`. ``file`` is "specimen", "calibration" or "rig".
+    Each key of the file is mapped to the name of the quantity in `eimi_fitting.inference.evidence.sources.SOURCES`.
+    ``file`` is "specimen", "calibration" or "rig".
     """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 
@@ -91,7 +91,7 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
 
 
 def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the keys of the quantities whose uncertainty is not given in the table [uncertainty].
+    """Return the keys of the quantities whose uncertainty the user did not give, to remind the user of them.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def missing_keys(everything: str, table: Table | None, keys: Sequence[str]) -> t
 def stated_sources(
     file: File, table: Table | None, shared_by: Callable[[str], str], in_units: Mapping[str, float]
 ) -> tuple[StatedSource, ...]:
-    """Convert a table [uncertainty] into the uncertain inputs (sources of uncertainty) that a fit takes into account.
+    """Convert a table [uncertainty] into the standard uncertainties that a fit takes into account.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def stated_sources(
         Function that returns, for a key, the name of the object that causes the error, such as an instrument or a
         specimen. The error is common to all datasets with the same object.
     in_units
-        By key: the factor that converts the unit of the key to the unit of the source of uncertainty. The factor is 1
-        for a key that is absent.
+        Factor by key, which converts the unit of the table into the unit that the fit uses. The factor is 1 for a key
+        that is absent.
 
     Returns
     -------
     tuple of StatedSource
-        For each key of the table: the name of the uncertain input, its standard uncertainty, and the object that causes
-        the error.
+        For each key of the table: the name of the quantity, its standard uncertainty, and the object that causes the
+        error.
     """
     names = keys_of(file)
     return tuple(

@@ -56,11 +56,10 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of both edges of the beam in every state (load step).
+    """Write a plot of the edges of the beam in all states (load steps), as one curve in mm.
 
-    The axes (mm) point to the right and up in the camera's picture.
-
-    Between two edges there is a NaN, so that a viewer draws the edges as separate curves.
+    The axes point to the right and up in the camera's picture. The curve has a gap (a NaN) between two edges, so that a
+    viewer does not connect them.
     """
     gap = np.full((1, 2), np.nan)
     parts = [

@@ -40,8 +40,8 @@ def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
     """Append an image to a stack (an HDF5 array of frames) in a dataset file.
 
-    The colours of the image must be in the order red, green, blue. If another program rewrote the stack with filters
-    that `layout.frame_stack` does not use, HDF5 compresses the image.
+    The colours of the image must be in the order red, green, blue. The image is compressed with ISA-L, or by HDF5
+    itself if another program has rewritten the stack with other filters than those of `layout.frame_stack`.
     """
     row = len(stack)
     stack.resize(row + 1, axis=0)

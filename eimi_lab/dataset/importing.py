@@ -102,7 +102,7 @@ def import_frames(
         first = in_channels(next(listing.images()), coloured)
         largest = max(len(frames) for _, frames in by_state)
         refuse_unpacked(largest * first.nbytes, f"{states}: one state has {largest} frames, which")
-        _check_prompts(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
+        _check_against_picture(listing.frames[0].path, specimen, calibration, first.shape[1], first.shape[0])
         # The mean of 8-bit frames is stored with 16 bits, so the dark frame and the flat field are converted too.
         stored = (lambda image: _mean([image])) if average else np.asarray
         correcting = {name: stored(in_channels(image, coloured)) for name, image in (correction or {}).items()}
@@ -163,7 +163,7 @@ def _append_states(
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """Return advice to the user about an image that differs from the first image in size or bit depth."""
+    """Return advice to the user about an image that differs in size or bit depth from the first image of the import."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
         return "rotate this picture by 90 degrees, or remove it from states.csv"
     return "export all pictures in the same way, or remove this picture from states.csv"
@@ -182,10 +182,10 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags (defects) of a state (load step) that are found in the images of the state.
+    """Return the flags (names of defects) of one state (load step), which are found by comparing its images.
 
     ``names`` are the files of the images. ``last`` is the last image of the previous state; None for the first state.
-    If ``last`` is identical to the first image of the state, the state gets a flag.
+    If it is identical to the first image of this state, a flag tells that an image was probably used twice.
     """
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
@@ -207,11 +207,13 @@ def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
 
 
-def _check_prompts(image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int) -> None:
-    """Check whether the clamp and the beam lie within the first picture of an import.
+def _check_against_picture(
+    image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int
+) -> None:
+    """Check with the first picture of an import that the calibration and the specimen can belong to the pictures.
 
     Raises InputError if the clamp is outside the picture, or if the beam is larger than the picture at the scale of the
-    calibration. Prints a warning if a part of the straight beam is outside the picture.
+    calibration. Prints a warning if a part of the straight beam would be outside the picture.
     """
     beam, scale = specimen.specimen, calibration.pixels_per_mm
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"

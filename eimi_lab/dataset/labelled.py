@@ -18,9 +18,9 @@ _MM = {"units": "mm"}
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
     """Return the tracked points of all states (load steps) as an xarray.Dataset.
 
-    The dimensions are state, point and axis (x or y). The variable ``rest`` holds the positions at rest, ``place`` the
-    positions in the state, and ``sigma`` the standard deviation of a coordinate, all in mm. Field, current, tip force
-    and flags (defects) of each state are coordinates of the xarray.Dataset.
+    The dimensions are state, point and axis (x or y). The variables are in mm: ``rest`` contains the positions of the
+    points in the unloaded beam, ``place`` their positions in each state, and ``sigma`` the standard deviation of a
+    coordinate. Field, current, tip force and flags (defects) of each state are coordinates of the xarray.Dataset.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ from eimi_lab.vision.image_files import find_images, read_image
 
 @dataclass(frozen=True)
 class ListedFrame:
-    """A picture to import, and the row of the table states.csv that gives the load of the picture.
+    """A picture to import, together with the row of the table states.csv that gives its load.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ class ListedFrame:
     row
         The row of the table.
     time_s
-        Time of the frame in the video, in s; NaN for an image, and for a frame that is listed by its number.
+        Time of the frame in the video, in s. NaN for an image, and for a frame that the table lists by its number and
+        not by its time.
     """
 
     path: Path
@@ -129,7 +130,7 @@ def _listed_images(source: Path, rows: list[Row]) -> Listing:
     matched: dict[Path, ListedFrame] = {}
     missing: list[Row] = []
     for row in rows:
-        candidates = _named(row.text("frame"), images) or _beside(row)
+        candidates = _named(row.text("frame"), images) or _image_at_path(row)
         if not candidates:
             missing.append(row)
             continue
@@ -166,10 +167,10 @@ def _near(row: Row, images: list[Path]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def _beside(row: Row) -> list[Path]:
-    """Return a list with the image whose relative path is given in a row of the table.
+def _image_at_path(row: Row) -> list[Path]:
+    """Return the image whose path is given in a row of the table, as a list with one element; an empty list without it.
 
-    The path is relative to the folder of the table. The list is empty if there is no image at this path.
+    The path is relative to the folder of the table.
     """
     image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:

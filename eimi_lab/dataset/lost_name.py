@@ -19,10 +19,10 @@ HEAD_BYTES = 4096
 
 
 def head_of(descriptor: int) -> bytes:
-    """Return the first `HEAD_BYTES` bytes of an open file, to notice later whether another program changed the file.
+    """Return the first `HEAD_BYTES` bytes of an open file. A later comparison shows whether another program changed it.
 
-    ``descriptor`` is the file descriptor. Its position in the file stays the same, because HDF5 uses it. pread(2) is
-    not used, because Windows has no such function.
+    ``descriptor`` is the file descriptor. HDF5 uses the same descriptor and relies on its position in the file. The
+    position is therefore restored after reading. (pread(2) would not change it, but does not exist on Windows.)
     """
     place = os.lseek(descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
     try:

@@ -58,11 +58,13 @@ def field_line(
 ) -> FieldLine | None:
     """Fit the straight line B = slope · I + offset to gaussmeter readings by least squares.
 
-    B is the reading times ``sensor.at_magnet``, and I is the current. Let u be the standard uncertainty of one reading,
-    converted to the magnet. The standard deviation of B is the larger of u and the scatter about the line. The zero of
-    the gaussmeter, an error common to all readings, is assumed to have the uncertainty u too. Therefore u is added to
-    the uncertainty of the offset, and ``sensor.uncertainty_share`` times the slope to the uncertainty of the slope,
-    each as a root sum of squares (JCGM 100:2008, 5.1.2).
+    I is the current, and B is the field at the magnet: the reading at the probe times ``sensor.at_magnet``.
+
+    The uncertainties of slope and offset come from errors that differ from reading to reading, and from errors that are
+    common to all readings. Let u be the standard uncertainty of one reading, converted to the magnet. Each B is given
+    the standard deviation u, or the scatter about the line if the scatter is larger. Two common errors are added as a
+    root sum of squares (JCGM 100:2008, 5.1.2): the zero error of the gaussmeter, with the assumed uncertainty u, to the
+    offset; and the scale error, with the relative uncertainty ``sensor.uncertainty_share``, to the slope.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Compare the measured temperature of the coil with the thermal model of the coil.
 
-The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0². The quantity h (A²) follows
-from the current I by τ dh/dt = I² − h. T0 is the temperature without heating, τ is the thermal time constant, I0 is the
-continuous current, and R is the temperature rise at I0. T0 and R are fitted to the readings by least squares.
+The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0² of the coil. T0 is the
+temperature without heating, and R is the temperature rise in the long run at the continuous current I0. The quantity h
+(A²) describes the heat: it follows from the current I by τ dh/dt = I² − h, where τ is the thermal time constant. T0 and
+R are fitted to the readings by least squares.
 
 The coil is assumed to be cold (h = 0) at the first reading. The current of a state (load step) is assumed to begin at
 the last reading of the previous state; the ramp between the currents is neglected.
@@ -121,7 +122,7 @@ def measured_heating(
         return None
     squares = (np.asarray(current_A, dtype=float)[state] / continuous_current_A) ** 2
     constants_s = time_constant_s * np.append(SEARCHED, 1.0)
-    shares = _shares(time_s, squares, constants_s)
+    shares = _heats(time_s, squares, constants_s)
     fits = [np.polyfit(share, degC, 1) if np.ptp(share) > 0 else np.array([0.0, degC.mean()]) for share in shares]
     rms_K = np.array(
         [np.sqrt(np.mean((degC - np.polyval(fit, share)) ** 2)) for fit, share in zip(fits, shares, strict=True)]
@@ -140,22 +141,27 @@ def measured_heating(
     )
 
 
-def _shares(
+def _heats(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heat of the coil, h / I0², at n readings for m trial time constants, shape (m, n).
+    """Return the heat of the coil at the times of n readings, for each of m trial values of its time constant.
 
-    The heat h (A²) follows from the current I by τ dh/dt = I² − h, where τ is the time constant. I0 is the continuous
-    current, A.
+    The heat is s = h / I0², where I0 is the continuous current of the coil, A. It follows τ ds/dt = I² / I0² − s with
+    s = 0 at the first reading; I is the current and τ the time constant.
 
     Parameters
     ----------
     time_s : ndarray, shape (n,)
         Times of the readings, s.
     squares : ndarray, shape (n,)
-        The squared currents I² / I0². The value at a reading acts since the previous reading.
+        I² / I0². The value at a reading applies to the time since the previous reading.
     constants_s : ndarray, shape (m,)
-        The trial time constants, s.
+        The trial time constants τ, s.
+
+    Returns
+    -------
+    ndarray, shape (m, n)
+        The heat s for each time constant (rows) at each reading (columns).
     """
     decay = np.exp(-np.diff(time_s) / constants_s[:, None])
     shares = np.zeros((len(constants_s), len(time_s)))

@@ -82,10 +82,10 @@ def _not_a_dataset(path: Path) -> str:
 
 
 def _has_a_writer(path: Path) -> bool:
-    """Return whether an HDF5 file is marked as open for writing. A writer that crashed leaves this mark.
+    """Return whether an HDF5 file is marked as open for writing. The mark also remains if the writing program crashed.
 
-    The mark is one of the consistency flags in byte 11 of the superblock. Byte 8 gives the version of the superblock
-    (HDF5 File Format Specification 3.0, section II.A, superblock versions 2 and 3).
+    The superblock, which is the first block of the file, contains the mark in byte 11 and its own version in byte 8.
+    Only version 3 has the mark (HDF5 File Format Specification 3.0, section II.A).
     """
     with path.open("rb") as raw:
         superblock = raw.read(12)

@@ -105,7 +105,7 @@ class Dataset:
 
     @contextmanager
     def _naming_damage(self) -> Iterator[None]:
-        """Convert any error inside a ``with`` block into an InputError with the path of the dataset.
+        """Convert an error of HDF5 inside a ``with`` block into an InputError that names the damaged dataset.
 
         HDF5 raises errors of nearly every kind for damaged files.
         """
@@ -359,11 +359,12 @@ class Dataset:
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Return points of the beam frame in coordinates (right, up), to plot the beam as in the picture.
+        """Rotate points from the beam frame into the orientation in which the camera sees the beam, to plot them.
 
-        The last axis of the argument, shape (..., 2), contains x (along the straight beam from the clamp) and y (across
-        the beam), mm. The last axis of the result contains right and up, mm. With a calibration, these are the
-        directions in the picture. For tracked points, gravity points down; without gravity, the points are not rotated.
+        The argument has the shape (..., 2). Its last axis contains the coordinates x (along the straight beam from the
+        clamp) and y (across the beam), mm. The last axis of the result contains the coordinates to the right and up,
+        mm. A dataset of tracked points has no camera: gravity then points down, and without gravity the points are not
+        rotated.
         """
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)

@@ -55,9 +55,9 @@ class RecordedFrames:
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
     """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
 
-    In a ring-down the current steps to zero and the beam swings freely. Files of early versions contain a group
-    `release` instead. This group is returned as one ring-down from the last current of the run. The standard
-    uncertainty of the time of the step is then the interval between two frames.
+    In a ring-down the current steps to zero and the beam swings freely. A file of an early version contains one
+    ring-down, in the group `release`, without the data of the step. The current before this step is then the last
+    current of the run, and the standard uncertainty of its time is the interval between two frames.
 
     Parameters
     ----------

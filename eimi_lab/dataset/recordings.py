@@ -7,9 +7,9 @@ A dataset has up to four recordings. Each is one NXdata in the file:
     release         frames after the step of the current to zero in a run of an early version
     conditioning    frames of the first and the last load cycle before the run (conditioning)
 
-HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore the groups are created
-with the file, and a column gives the state, the cycle or the ring-down to which each frame belongs. The column `time`
-is written last, so a row is complete only if the column `time` contains it.
+HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore each recording has only
+one group, which is created together with the file. One of its columns gives the state, the load cycle or the ring-down
+to which each frame belongs. The column `time` is written last: after a crash, a row without a time is incomplete.
 """
 
 from __future__ import annotations
@@ -142,9 +142,8 @@ def append_moments(
     recording
         Name of the recording.
     store
-        The frames and columns of the recording in the file, by name. The caller must keep these objects open. HDF5
-        writes the last rows of a column when the column is closed, and an error at that time, such as a full disk,
-        would not be noticed.
+        The HDF5 arrays of the recording (its frames and columns), by name. The caller must keep these objects open:
+        HDF5 does not report an error, such as a full disk, that occurs when an array is closed.
     images
         The n frames, shape (n, H, W) or (n, H, W, 3) with H rows and W columns, with the colours red, green, blue.
     belongs_to
@@ -164,7 +163,7 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append times and set-points of frames whose images are already in a recording (a series of frames).
+    """Append the rows of a recording (a series of frames) for frames whose images are already in the file.
 
     Parameters
     ----------
@@ -175,7 +174,7 @@ def append_times(
     belongs_to
         For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
     moments
-        Times and set-point of each frame.
+        For each frame, its times and the set-point of the current.
     """
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
@@ -237,10 +236,10 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the numbers of the rows of a recording that have a stored frame and a value in every column.
+    """Return the numbers of the complete rows of a recording: rows with a stored frame and a value in every column.
 
-    A recording is a series of frames, one for each row. Rows of states (load steps) that were not stored completely are
-    left out.
+    A recording is a series of frames, one for each row. After a crash, the last rows may be incomplete. Rows of states
+    (load steps) that were not stored completely are left out too.
 
     Parameters
     ----------

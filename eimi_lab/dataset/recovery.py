@@ -210,8 +210,8 @@ def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: d
     lost
         List to which the names of unreadable members are added.
     copied
-        For each copied object: its address in the old file, and its name in the new file. An object that has two names
-        in the old file is copied once, and gets both names.
+        Maps the address of each copied object in the old file to its name in the new file. An object with two names in
+        the old file is therefore copied only once, and has two names in the new file too.
     """
     _copy_attributes(source, copy, lost)
     for name in source:
@@ -248,11 +248,12 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Restore damaged columns of the table of load steps, and return a line of text for each restored column.
+    """Restore damaged columns of the table of states (load steps), and return a line of text for each restored column.
 
-    The contents are taken from the table of frames. This table does not contain tip forces and flags: the forces become
-    0, and the flags are lost. If the table of frames is damaged too, the error of HDF5 is raised. ``entry`` is the HDF5
-    group with the whole dataset in the new file.
+    The table of frames contains the current and the field of every state, from which the columns are restored. Tip
+    forces and flags (defects) are only in the damaged table: the forces become 0, and the flags are lost. If the table
+    of frames is damaged too, the error of HDF5 is raised. ``entry`` is the HDF5 group with the whole dataset in the new
+    file.
     """
     if "frames" not in entry["data"] or "states" not in entry:
         return []

@@ -107,9 +107,10 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
 def _direction_deg(points: Array) -> float:
     """Return the direction in which a beam leaves its clamp, in degrees clockwise from +x of the picture.
 
-    ``points`` contains n points on the centre line, px, shape (n, 2). The first point is at the clamp. Three or more
-    points are fitted with the shape under a uniform load. For two points, the result is the direction of the line
-    through the points, or the horizontal or vertical direction if this direction differs by less than 20°.
+    ``points`` contains n points on the centre line, px, shape (n, 2), the first point at the clamp. For three or more
+    points, the direction is the tangent at the clamp of a fitted curve: the shape of a beam under a uniform load. For
+    two points, it is the direction of the line through them. If this line is within 20° of the horizontal or the
+    vertical direction, the beam is assumed to leave the clamp in exactly that direction.
     """
     from_clamp = points[1:] - points[0]
     chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))
@@ -157,11 +158,10 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
 
 
 def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:
-    """Return the coordinates of points in a system whose first axis has a given direction.
+    """Return the distances of n points from the clamp along the axis of the beam and across it, each of shape (n,).
 
-    ``from_clamp`` contains the n points minus the clamp, px, shape (n, 2). ``axis_deg`` is the direction of the first
-    axis, clockwise from +x of the picture. The second axis is 90° clockwise of the first axis. Returned are the first
-    and the second coordinates, each of shape (n,).
+    ``from_clamp`` contains the positions minus the position of the clamp, px, shape (n, 2). ``axis_deg`` is the
+    direction of the axis, in degrees clockwise from +x of the picture. "Across" is 90° clockwise of the axis.
     """
     cosine, sine = np.cos(np.radians(axis_deg)), np.sin(np.radians(axis_deg))
     return from_clamp @ np.array([cosine, sine]), from_clamp @ np.array([-sine, cosine])

@@ -52,9 +52,9 @@ class Film:
     def sigma_mm(self, middle_mm: Array) -> Array:
         """Return, for each of the p points, the standard deviation of its noise across the beam, mm.
 
-        In each frame, a polynomial of degree 5 is fitted to the coordinates y of all points as a function of the
-        distance from the clamp. The standard deviation of a point follows from the scatter of its distances from these
-        polynomials over all frames.
+        The true shape of the beam is smooth. In each frame, it is approximated by a polynomial of degree 5 in the
+        distance from the clamp, which is fitted to the coordinates y of all points. The standard deviation of a point
+        is computed from its deviations from these polynomials in all frames.
 
         Parameters
         ----------

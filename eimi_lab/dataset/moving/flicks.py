@@ -74,18 +74,18 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
 
 
 def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
-    """Return whether the amplitude of a vibration rises to a maximum faster than it decays, as after a flick.
+    """Return whether a maximum of the amplitude is the beginning of a ring-down, and not a beat of two vibrations.
 
-    When two vibrations beat, the amplitude rises as slowly as it decays.
+    After a flick the amplitude rises faster than it decays. When two vibrations beat, it rises as slowly as it decays.
 
     Parameters
     ----------
     size
-        Amplitude in each of the n frames, shape (n,).
+        Amplitude of the vibration in each of the n frames, shape (n,).
     peak
-        Number of the frame with the maximum of the amplitude.
+        Number of the frame with the maximum.
     frames
-        Number of frames in one period.
+        Number of frames in one period of the vibration.
     """
     low = size[peak] / _RISE
     before, after = np.flatnonzero(size[:peak] < low), np.flatnonzero(size[peak:] < low)
@@ -95,10 +95,10 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 
 
 def _deflection(points_mm: Array) -> Array | None:
-    """Return the deflection, in each of n frames, of the point with the largest motion, mm, shape (n,).
+    """Return the deflection in each of n frames of the point that moves most, mm, shape (n,).
 
-    For frames that do not show this point, the deflection is interpolated. The result is None if no point was seen in
-    more than half of the frames.
+    `points_mm` contains the positions of p points, shape (n, p, 2). In frames that do not show the point, the
+    deflection is interpolated. The result is None if no point was seen in more than half of the frames.
     """
     is_seen = np.isfinite(points_mm[..., 1])
     often = is_seen.mean(axis=0) > 0.5
@@ -113,10 +113,11 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _white_noise(moved: Array, frames: int) -> float:
-    """Return the standard deviation of the noise of a point in mm, from the spectrum above the vibration frequency.
+    """Return the standard deviation of the measurement noise of a point, mm, from the spectrum of its deflection.
 
-    ``moved`` is the deflection of the point in n frames, mm, shape (n,). ``frames`` is the number of frames in one
-    period of the vibration.
+    The noise is assumed to be white. The part of the spectrum above 1.5 times the vibration frequency is used, where
+    the vibration itself contributes little. ``moved`` is the deflection in n frames, mm, shape (n,), and ``frames`` is
+    the number of frames in one period of the vibration.
     """
     power = np.abs(np.fft.rfft(moved - moved.mean())) ** 2
     first = min(round(1.5 * len(moved) / frames), len(power) - 2)

@@ -159,10 +159,11 @@ def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
 
 
 def _release(points_mm: Array) -> int:
-    """Return the number of the frame in which the beam was released, from positions (n, p, 2) of p points in n frames.
+    """Return the number of the frame in which the beam was released.
 
-    This is the last frame with at least 97 % of the largest deflection. The deflection is the distance of the point
-    with the largest motion from its mean position in the last quarter of the recording.
+    `points_mm` contains the positions of p points in n frames, shape (n, p, 2). The deflection of the beam is the
+    distance of one point, the point that moves most, from its mean position in the last quarter of the recording. The
+    beam is assumed to be released in the last frame with at least 97 % of the largest deflection.
     """
     moved = np.nanstd(points_mm, axis=0).sum(axis=1)
     place = points_mm[:, int(np.nanargmax(moved))]

@@ -80,7 +80,7 @@ def _followed(
     projection: Projection | None,
     label: str,
 ) -> Iterator[Motion]:
-    """Yield the motion of the beam in one recording; yield nothing if no beam is found.
+    """Yield the motion of the beam in one recording of a run; yield nothing if no beam is found.
 
     Parameters
     ----------
@@ -91,11 +91,12 @@ def _followed(
     kind
         "ring_down" (free oscillation) or "creep".
     step
-        The set-point with which the motion began.
+        The change of the current with which the motion began. The times of the motion count from this change, and
+        earlier frames are left out.
     set_points
         All set-points of the run.
     from_A
-        Coil current before the set-point `step`, A.
+        Coil current before the change, A.
     projection
         Projection from colours to grey values.
     label

@@ -23,8 +23,9 @@ def read_tracked_motion(
 ) -> tuple[Motion, ...]:
     """Read motions from the file of a tracking program.
 
-    A marker stands off the surface of the beam. A point that is off the undeformed beam by at most 5 % of the length is
-    therefore treated as the nearest point of the beam, with the same displacements. Other points are left out.
+    A tracked marker may be at a small distance from the surface of the beam. If this distance is at most 5 % of the
+    length of the beam, the marker is replaced by the nearest point of the undeformed beam, with the same displacements.
+    Other markers are left out.
 
     Parameters
     ----------

@@ -28,9 +28,10 @@ _SAME = 0.02  # largest relative difference of two rates that count as equal
 def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
     """Return the times at which the frames of a video were recorded, in s from the first frame, shape (n,).
 
-    The times in the file are multiplied by playback rate / recording rate. If a frame was lost, the longer time between
-    its neighbours is therefore preserved. If the user gives no rate, a note on standard error gives the rate that is
-    used.
+    The file contains the times of the playback, which is slower than the recording for a video in slow motion. These
+    times are multiplied by the playback rate, divided by the recording rate. A lost frame therefore stays visible as a
+    longer interval. If the user gives no recording rate, it is read from the file, and a note on standard error reports
+    the rate.
 
     Parameters
     ----------
@@ -117,9 +118,10 @@ def _boxes(path: Path) -> bytes:
 
 
 def _value(header: bytes, number: int) -> float | None:
-    """Return the value of a metadata key of an MP4 file as a rate in Hz; None if the value is not a plausible rate.
+    """Return the rate in Hz that an MP4 file stores under one of its metadata keys; None without a plausible rate.
 
-    ``header`` is the box `moov` (the block of metadata in the file), and ``number`` is the number of the key, from 1.
+    ``header`` is the box `moov`, which is the block of metadata in the file. ``number`` is the number of the key in
+    this block, counted from 1.
     """
     items = header.find(b"ilst")
     while items >= 0:

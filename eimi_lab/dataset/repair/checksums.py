@@ -20,9 +20,10 @@ def lookup3(block: bytes) -> int:
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Convert m blocks of n bytes, shape (m, n), into m rows of k words, shape (m, k).
+    """Convert m blocks of n bytes each into words: little-endian numbers of 32 bits, as lookup3 needs them.
 
-    A word is a little-endian number of 32 bits. Each block is padded with zeros to 4 k bytes, a multiple of 12.
+    ``blocks`` has the shape (m, n), and the result has the shape (m, k). Each block is padded with zeros to 4 k bytes,
+    where 4 k is a multiple of 12.
     """
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)

@@ -44,9 +44,10 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature (first four bytes) of a block that differs from `content` (4 bytes) by at most one bit.
+    """Return the signature (first four bytes of a block) that `content` (4 bytes) was before at most one bit flipped.
 
-    None is returned if there is no such signature. `pattern` is the regular expression that lists all signatures.
+    None is returned if `content` differs from every signature by more than one bit. `pattern` is the regular expression
+    that lists all signatures.
     """
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
@@ -70,7 +71,7 @@ def _mend_header(file: MendedFile, at: int) -> int:
     if not whole:
         return 0
     header = file.bytes_at(at, whole)
-    first = _header_length(header) - 4 - int.from_bytes(header[_width_at(header) :][: 1 << (header[5] & 3)], "little")
+    first = _header_length(header) - 4 - int.from_bytes(header[_length_at(header) :][: 1 << (header[5] & 3)], "little")
     waiting, visited = list(_continuations(header[first:-4], header[5])), set()
     while waiting:
         address, length = waiting.pop()
@@ -87,11 +88,13 @@ def _mend_header(file: MendedFile, at: int) -> int:
 def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
     """Correct one flipped bit in the block at the position `at`, whose length is one of several possible lengths.
 
+    The flipped bit may be a bit of the length itself, so that the length is not known.
+
     Returns
     -------
     mended, length
-        The number of corrected bits (0 or 1), and the length for which the checksum is correct now. Both numbers are 0
-        if no possible length leads to a correct checksum.
+        The number of corrected bits (0 or 1), and the length for which the checksum is now correct. Both numbers are 0
+        if the checksum is correct for none of the lengths.
     """
     for length in lengths:
         if is_sound(file, at, length):
@@ -111,12 +114,12 @@ def _header_length(head: bytes) -> int:
     """
     if len(head) < 34 or head[4] != 2:
         return 0
-    at, width = _width_at(head), 1 << (head[5] & 3)
+    at, width = _length_at(head), 1 << (head[5] & 3)
     return at + width + int.from_bytes(head[at : at + width], "little") + 4
 
 
-def _width_at(head: bytes) -> int:
-    """Return the position (bytes) of the field that contains the length of an object header.
+def _length_at(head: bytes) -> int:
+    """Return where an object header contains its own length: the position in bytes from the beginning of the header.
 
     An object header is HDF5's description of one group or array. ``head`` contains the first bytes of the header.
     """
