@@ -101,11 +101,11 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the new coil constant divided by the stored coil constant. All stored fields change by this factor.
+    """Return the factor by which all stored fields change: the new coil constant divided by the stored coil constant.
 
-    ``before`` and ``after`` are the stored and the new calibration, and ``file`` is the new calibration file. Raises
-    InputError if the coil constant of an imported dataset changes, because imported fields may not have been computed
-    from currents.
+    ``before`` and ``after`` are the stored and the new calibration, and ``file`` is the new calibration file. An
+    imported dataset may contain fields that were not computed from currents. For such a dataset, a new coil constant
+    raises InputError.
     """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0

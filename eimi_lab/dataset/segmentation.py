@@ -143,13 +143,13 @@ def _find_all(
 
 
 def _search_again_beside_others(frames: Frames, projection: Projection | None, edge_sets: list[EdgeSet]) -> None:
-    """Search again for the beam in states (load steps) without edges, with the help of neighbouring states.
+    """Search again for the beam in states (load steps) in which it was not found, with the help of neighbouring states.
 
     The beam moves little from one state to the next. Therefore the middle line of the nearest reliable state is used as
-    the expected middle line: first of the nearest earlier state, and then of the nearest later state.
+    the expected middle line: first that of the nearest earlier state, and then that of the nearest later state.
 
-    The search is also repeated in states before the first reliable state. If several bodies in the image of such a
-    state may be the beam, the next reliable state decides. ``edge_sets`` is changed in place.
+    States before the first reliable state are also searched again if several bodies in the image may be the beam. The
+    body that is nearest to the beam in the next reliable state is then taken. ``edge_sets`` is changed in place.
     """
     states = range(len(edge_sets))
     first_reliable = next((index for index in states if _is_reliable(edge_sets[index])), len(edge_sets))
@@ -168,14 +168,12 @@ def _search_again_beside_others(frames: Frames, projection: Projection | None, e
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states (load steps) after a correction of their flags for a wrong clamp position.
+    """Return the edges of all states (load steps) without the unjustified flags for a wrong clamp position.
 
-    A flag is the record of a failed quality check. Only nearly straight states can show that the clamp is misplaced.
-
-    The check of the clamp position extrapolates the edges to the line of the clamp. If the beam is strongly curved at
-    the clamp, the extrapolation is wrong by tenths of a millimetre. Therefore a strongly bent state keeps the flag for
-    a wrong clamp position only if the straightest state has this flag too. The flag of the straightest state is then
-    used.
+    A flag is the record of a failed quality check. The check of the clamp position extrapolates the edges to the line
+    of the clamp. If the beam is strongly curved at the clamp, the extrapolation is wrong by tenths of a millimetre. The
+    straightest state therefore decides for all strongly bent states with this flag: if it has the flag too, its flag
+    replaces theirs; otherwise they lose the flag.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -224,8 +222,8 @@ def _found_by_workers(
 ) -> Generator[EdgeSet | None]:
     """Yield the edges of each state (load step) in the order of the states, found by worker processes.
 
-    The workers have no knowledge of other states. None is yielded for a state whose beam can be identified only by
-    means of an earlier state. Without an executor, None is yielded for every state.
+    A worker searches each state alone. If several bodies in its image may be the beam, an earlier state has to decide,
+    and None is yielded for this state. Without an executor, None is yielded for every state.
     """
     states = range(len(dataset.states))
     if executor is None:

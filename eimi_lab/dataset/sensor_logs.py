@@ -26,7 +26,7 @@ LOG_COLUMNS = ("time", "value", "value_errors")
 
 
 def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: int) -> dict[str, list[float]]:
-    """Return the readings of one sensor during a state (load step) as columns for the log of the sensor, by name.
+    """Return the rows that one state (load step) adds to the log of a sensor: one value for each frame, by column.
 
     Parameters
     ----------

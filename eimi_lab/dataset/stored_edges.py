@@ -123,11 +123,12 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Write the entries that a NeXus application definition requires: its name, and the start and end of the run.
+    """Store what a NeXus application definition requires: its name, and the dates at which the run started and ended.
 
-    In HDF5's single-writer-multiple-reader mode, the writer of a run cannot add the end as a date of variable length.
-    Until the edges are stored, the end is therefore in the table of sessions, which has one row for each time that the
-    run was started or resumed. Files of version 0.1.0 have dates of fixed length, which are converted here.
+    The writer of a run cannot store the end of the run where NeXus expects it, because HDF5's
+    single-writer-multiple-reader mode allows no texts of variable length. It stores the end in the table of sessions
+    (the periods of the run between interruptions). This function copies the end from this table. Files of version 0.1.0
+    have dates of fixed length, which are converted.
     """
     dates = {"start_time": get_start(entry)}
     if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):

@@ -49,8 +49,8 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
     path
         The video.
     every
-        The number n: every n-th frame is returned. If more than 16 frames would be returned, n is doubled, repeatedly
-        if necessary.
+        The number n: every n-th frame is returned. If these are more than 16 frames, n is doubled until at most 16 are
+        left.
 
     Returns
     -------
@@ -138,13 +138,11 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return the numbers a, b and c of the equation row = a x + b y + c for the frames of a video.
+    """Return three numbers (a, b, c): the pixel (x, y) of a frame was exposed by the sensor row a x + b y + c.
 
-    The result ``row`` is the row of the camera sensor that exposed the pixel (x, y) of a frame. With a rolling shutter,
-    the time of a pixel depends on this row.
-
-    A phone stores its video in the orientation of the sensor, together with an angle by which OpenCV rotates each
-    frame. If the phone was held upright, the rows of the sensor are therefore columns of the frame.
+    With a rolling shutter, the rows of the camera sensor are exposed one after another. The time of a pixel therefore
+    depends on its row. In a video of a phone that was held upright, a row of the sensor is a column of the frame,
+    because OpenCV rotates each frame by the angle that the file contains.
 
     Raises InputError if the video cannot be read.
     """

@@ -197,11 +197,11 @@ class DatasetWriter:
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Close the file without further writes. The file then has the same content as after a crash.
+        """Close the file after a failed write, without writing to it. Its content is then the same as after a crash.
 
-        HDF5 writes its remaining data when it closes a file. After a failed write, these writes would fail too, and
-        would crash the program at its end. Therefore the remaining data are sent to the null device. A file without a
-        state (load step) is removed.
+        HDF5 writes its remaining data when a file is closed. This write would fail too, and would crash the program.
+        Therefore the file descriptor is first connected to the null device, which accepts the data. A file without a
+        stored state (load step) is removed.
         """
         taken_away = fate_of(self.path, self._descriptor)
         with open(os.devnull, "r+b", buffering=0) as null_device:

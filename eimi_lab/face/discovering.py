@@ -42,8 +42,8 @@ def discover(
     most_terms : int
         Largest number of terms in a law.
     lot : float
-        Relative standard deviation of the difference between the moduli of the beam and of the tensile specimen, which
-        were cast separately.
+        How much the moduli of the beam and of the tensile specimen may differ because they were cast separately: the
+        standard deviation of this difference, as a fraction of the modulus.
     section, include_flagged, seed
         See `eimi_lab.fit`.
     output : str or Path

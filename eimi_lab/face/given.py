@@ -114,6 +114,9 @@ def output_of(output: AnyPath | None, read: Sequence[Path], force: bool) -> Path
 
 
 def files(*given: object) -> list[Path]:
-    """Return the arguments that are paths (text or Path), without duplicates; other objects are left out."""
+    """Return the paths among the given arguments (text or Path) without duplicates; loaded objects are left out.
+
+    The caller checks that an output is not one of these files.
+    """
     paths = (argument for argument in given if isinstance(argument, str | Path))
     return list(dict.fromkeys(map(Path, paths)))

@@ -385,7 +385,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """Add advice on how to continue a fit to the error `Stopped`, if a signal interrupts the ``with`` block."""
+    """If a signal interrupts the fit in the ``with`` block, raise `Stopped` with advice on how to continue the fit."""
     try:
         yield
     except Stopped as stopped:

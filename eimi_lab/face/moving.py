@@ -213,10 +213,11 @@ def read_motions(
     tool : str, optional
         Name of the tracking program.
     placing : callable
-        Function of the calibration, or of None if there is no calibration. It returns the `Placing`, the information
-        that is needed to convert the coordinates of the tracking program into the beam frame.
+        Function that returns a `Placing`: the information with which coordinates of the tracking program are converted
+        into the beam frame. Its argument is the calibration; None without a calibration.
     has_gravity_direction : bool
-        Whether the user gives the direction of gravity in the beam frame, or says that gravity does not bend the beam.
+        Whether the user gives an option about gravity: its direction in the beam frame, or that it does not bend the
+        beam.
     output : Path
         The dataset. If points on the beam are missing, a picture with rulers is written to the same folder.
 

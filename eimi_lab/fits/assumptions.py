@@ -31,15 +31,17 @@ INCOMPRESSIBLE_FROM = 0.495
 
 @dataclass(frozen=True)
 class Assumptions:
-    """The inputs that a fit assumes in addition to the law, for P candidate sets of the law's parameters.
+    """The inputs with which a fitted law is simulated, in addition to its parameters.
+
+    P sets of parameters (candidates) are simulated together.
 
     Attributes
     ----------
     bulk_modulus_Pa : ndarray, shape (P,), or None
         The bulk modulus of each candidate; None for an incompressible material.
     setup : Setup or None
-        The values of the freed nuisances (uncertain inputs that were fitted with the law); None if all inputs have the
-        values in the input files.
+        The fitted values of the freed nuisances (uncertain inputs that were fitted together with the law); None if no
+        input was fitted.
     deviations : mapping of str to ndarray, shape (d,)
         For each freed nuisance that changes the specimen, the loads or the lens, by its name: the deviations of its d
         quantities from the values in the input files.
@@ -50,17 +52,19 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return an experiment whose specimen, loads and lens have the identified values of the nuisances.
+        """Return a copy of an experiment in which the uncertain inputs have the values that the fit identified.
 
-        An experiment consists of beam model, loads and measurements. A nuisance is an uncertain input that was fitted
-        with the law.
+        An experiment consists of beam model, loads and measurements. The uncertain inputs (nuisances), such as the
+        magnetic moment, are those that were fitted together with the law. They change the specimen, the loads and the
+        lens.
         """
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Return the places at which the camera sees simulated points, with the lens of the first candidate (mm).
+        """Return where the camera sees simulated points (mm), if the lens has the properties that the fit identified.
 
-        The last axis of the argument and of the result, shape (..., 2), holds x and y in the beam frame.
+        The last axis of the argument and of the result, shape (..., 2), contains x and y in the beam frame. The fit of
+        the first candidate is used.
         """
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 

@@ -32,7 +32,11 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 
 @dataclass(frozen=True)
 class _Remedy:
-    """The ways to correct one mistake in the inputs: in calibration.toml, in states.csv, or for tracked points."""
+    """What the user has to change to correct one mistake in the inputs, as texts.
+
+    `calibration` and `states` are the changes in calibration.toml and in states.csv for a dataset of pictures; `points`
+    is the change for a dataset of tracked points.
+    """
 
     calibration: str
     states: str
@@ -185,10 +189,10 @@ def _is_edges(experiment: Experiment) -> bool:
 
 
 def _tips_mm(experiment: Experiment) -> Array:
-    """Return x and y of the tip (mm) in each of the K states, shape (K, 2).
+    """Return x and y of the beam's tip (mm) in each of the K states, shape (K, 2), to see how far the tip moves.
 
-    With edges, the tip is the mean of the last points of both edges. With tracked points, the mean displacement of
-    the points is returned instead.
+    With edges, the position is the mean of the last points of both edges. With tracked points, the mean displacement of
+    all points is returned in its place.
     """
     observed = experiment.observed
     measured = np.isfinite(observed.sigma_mm)

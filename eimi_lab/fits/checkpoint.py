@@ -176,7 +176,7 @@ class Checkpoint:
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """Return the log of the fit with this index in the first line of the checkpoint.
+        """Return the log of one fit; `fit` is its index in the first line of the checkpoint.
 
         The log contains the stored generations up to the first missing generation. The search adds new generations.
         """
@@ -192,10 +192,11 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The logged generations of the search for one fit.
+    """The generations of the search for one fit, as a checkpoint contains them.
 
-    The search calls this object after each generation. The object appends new generations to the checkpoint. A
-    generation is one set of candidate parameters that CMA-ES proposes together.
+    A generation is one set of candidate parameters that CMA-ES proposes together. The search calls this object after
+    each generation. A new generation is appended to the checkpoint. A generation that the checkpoint contains already
+    is only compared with the stored one.
     """
 
     path: Path

@@ -213,7 +213,7 @@ def _measured_rest_shape(dataset: Dataset, experiment: Experiment) -> MeasuredRe
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
-    """Return the beam model, loads and edges of the usable states of a dataset, even while the run still adds states.
+    """Return what a fit needs from a dataset to which a run still adds states: beam model, loads and edges so far.
 
     Parameters
     ----------
@@ -347,9 +347,10 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return the standard deviation (mm) due to the flags (defects) of a state.
+    """Return how much the flags (defects) of a state increase the standard deviation of its edge points, mm.
 
-    This standard deviation is added in quadrature to the standard deviation of each edge point of the state.
+    Each flag has a standard deviation of its own, and the result is their root sum of squares. The fit adds the result
+    in quadrature to the standard deviation of each edge point.
     """
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
@@ -359,9 +360,9 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return the points and the standard deviations of the left edge, and then of the right edge, in mm.
+    """Return four arrays in mm: points and standard deviations of the left edge, then those of the right edge.
 
-    The standard deviation `by_mm` is added in quadrature to the standard deviation of each point.
+    The standard deviation `by_mm` has been added in quadrature to that of each point.
     """
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
@@ -392,10 +393,9 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a doubt if the edges show perspective but the calibration gives no stand-off of the lens.
+    """Return a sentence if the lens shows perspective but the calibration does not give its distance from the beam.
 
-    Return an empty tuple otherwise. A doubt is a sentence on a reason to distrust the fit. The stand-off is the
-    distance of the lens from the beam.
+    The result is a tuple with this doubt (reason to distrust the fit); it is empty if the edges show no perspective.
     """
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:

@@ -93,7 +93,9 @@ def fit_grid(
     report: Callable[[str], None] = silent,
     underway: Callable[[str], None] = silent,
 ) -> list[FitRecord]:
-    """Compute the fits of a grid. A fit to the measured data contains the fits to its bootstrap replicates.
+    """Compute the fits of a grid, and return the fits to the measured data.
+
+    Each of these fits also contains the fits to its bootstrap replicates (random samples of the states).
 
     Parameters
     ----------
@@ -159,7 +161,11 @@ def fit_grid(
 
 @dataclass
 class _Underway:
-    """A function that a search calls after each generation, to report the generation and to log it in a checkpoint."""
+    """The function that a search calls after each generation: it logs the generation and shows the progress.
+
+    `task` describes the fit, `tell` shows a line of text to the user, and `log` appends the generation to a checkpoint;
+    None without a checkpoint.
+    """
 
     task: str
     tell: Callable[[str], None]

@@ -80,7 +80,10 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Return lines on the priors, the uncertain inputs that were fitted with the law, and the tensile curves."""
+    """Return lines on everything that a fit used or determined in addition to the law and the datasets.
+
+    These are the priors, the uncertain inputs that were fitted together with the law, and the tensile curves.
+    """
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(

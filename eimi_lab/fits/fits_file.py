@@ -90,7 +90,10 @@ class Fits(Record):
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
-    """Return the comparison of the laws; empty unless different laws were fitted to the same bending data."""
+    """Return a comparison of the laws in a file of fits, the best law first.
+
+    The result is empty unless at least two different laws were fitted to the same bending data, each law once.
+    """
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {
         (

@@ -89,9 +89,10 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
 
 
 def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
-    """Return whether a law predicts a specimen to which the law was not fitted.
+    """Return whether a law predicts a specimen to which it was not fitted.
 
-    The 95 % interval of the mean error on this specimen must begin below 1.5 times the mean error on the fitted states.
+    This is so if the mean error on this specimen is less than 1.5 times the mean error on the fitted states. The lower
+    end of the 95 % interval of the mean error is compared, if the interval is known.
     """
     if validation.mean_error_mm is None:
         return False

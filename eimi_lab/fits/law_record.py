@@ -100,20 +100,21 @@ class LawRecord:
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return the n parameters of the law in D draws (random samples from their distribution), shape (D, n).
+        """Return random samples (draws) of the law's parameters from the result of the fit, shape (D, n).
 
-        D is at most `most`, and 0 if the fit has no draws. The draws are stored in increasing order of the modulus; if
-        some are left out, the returned draws are evenly spaced in this order.
+        The rows are the D draws, and the columns the n parameters. D is at most `most`, and 0 if the fit has no draws.
+        If the fit has more draws than `most`, the returned draws are evenly spaced in the order of increasing modulus.
         """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return the deviations of the input `name` from its given value in D random samples (draws), shape (D,).
+        """Return by how much the input `name` deviates from its given value in each of D draws, shape (D,).
 
-        The deviations have the unit of the input. The method `drawn` returns the parameters of the law in the same
-        draws. Return None if the draws do not contain the input.
+        Draws are random samples from the result of the fit, which contain the parameters of the law and the uncertain
+        inputs. Element i belongs to the same draw as row i of `drawn`. The deviations have the unit of the input. None
+        is returned if the draws do not contain the input.
         """
         if self.draws is None or name not in self.draws.names:
             return None
@@ -176,10 +177,10 @@ class LawRecord:
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the doubts (reasons to distrust the fit) as JSON objects for a result file.
+        """Return the doubts (reasons to distrust the fit) in the form for a result file, each as a JSON object.
 
-        The attribute `kind` of a doubt is for programs and is not written to the file. Keys that later releases added
-        are left out if they are empty.
+        The attribute `kind` is left out, because only this program uses it. Attributes that a later release added are
+        left out if they are empty, so that the file stays the same as before.
         """
         written = [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
         return [{k: v for k, v in doubt.items() if v or k not in ("modulus_percent", "short")} for doubt in written]

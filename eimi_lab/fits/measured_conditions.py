@@ -38,12 +38,12 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 
 
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
-    """Return the sources of uncertainty of a measured field; empty if the field was not measured.
+    """Return the uncertainty of a measured field as two inputs of a fit: a relative error and a constant error.
 
-    Imported data may give an uncertainty of the measured field in each state. The fields of all states are assumed to
-    have the same relative error and the same constant error. The uncertainty of the strongest field gives the standard
-    uncertainty of the relative error. The uncertainty of the weakest field gives the standard uncertainty of the
-    constant error.
+    The result is empty if the field was not measured. With a gaussmeter, the relative error is that of the slope and
+    the constant error is that of the offset of the line of field against current. Imported data may instead give one
+    uncertainty for each state. The relative error then has the relative uncertainty of the strongest field, and the
+    constant error has the uncertainty of the weakest field. Both errors are assumed to be the same in all states.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

@@ -197,7 +197,11 @@ class FitOptions:
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
-        """Raise InputError if neither `--free` nor the dataset gives the standard deviation of a fitted input."""
+        """Raise InputError if no standard deviation is known for an uncertain input that is fitted with the law.
+
+        `prior` is the Gaussian prior of the input that the option `--free` names. Its standard deviation may be left
+        out if the input files of `dataset` give an uncertainty of the input.
+        """
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:

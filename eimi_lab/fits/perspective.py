@@ -1,18 +1,21 @@
 """Detect in the measured edges that the lens shows the depth of the beam in perspective.
 
-An ordinary lens shows the union of the outlines of the near face and the far face. To first order each edge is
-displaced outward by the product of a and depth / (2 S). Here a is the distance of the edge from the optical axis along
-the normal of the edge, and S is the stand-off of the lens. A bent beam therefore appears wider where its edges are
-farther from the axis. The cross-section of a bent beam also bows across its depth by about κ depth² / 16, where κ is
-the curvature of the beam. This bow widens the outline, too. The apparent width w at the fraction s of the arc length is
-therefore fitted as
+An ordinary lens shows the near face of the beam larger than the far face, and the outline in the picture encloses both
+faces. Let S be the stand-off of the lens (its distance from the beam), and a the distance of an edge from the optical
+axis, measured along the normal of the edge. To first order the edge appears farther out by a · depth / (2 S). A bent
+beam therefore appears wider where its edges are farther from the axis.
+
+A second effect also widens the outline: the cross-section of a bent beam bows across its depth by about κ depth² / 16,
+where κ is the curvature of the beam. To separate the two effects, the apparent width w is fitted by
 
     w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
 
-for all stations s along the beam and all states. The two edges have the distances a_left and a_right, and b and c are
-coefficients of the fit. The width w₀ at each station is free, so that an irregular shape of the beam has no influence.
-A bent beam also becomes slightly thinner. Therefore the estimated S is too large by some tenths of its value. The
-stand-off should be measured and not taken from this estimate.
+at all stations s along the beam and in all states. A station is a place on the beam, given as a fraction of the arc
+length. The two edges have the distances a_left and a_right, and b and c are coefficients of the fit. The width w₀ of
+each station is free, so that an irregular shape of the beam has no influence.
+
+A bent beam also becomes slightly thinner, which the fit neglects. Therefore the estimated S is too large by some tenths
+of its value. The stand-off should be measured and not taken from this estimate.
 """
 
 from __future__ import annotations
@@ -74,10 +77,11 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return the coefficient b of the equation in the module's docstring, from K states and m places along the beam.
+    """Return how much the beam appears wider for each mm from the optical axis: the coefficient b of this module.
 
-    The second axis of `profiles`, shape (K, 3, m), holds width, distance from the optical axis, and curvature. The mean
-    over the states is subtracted, which removes the free width w₀ of each place (station).
+    `profiles` has the shape (K, 3, m) for K states and m stations (places along the beam). Its second axis contains the
+    apparent width, the distance from the optical axis (a_left + a_right) and the curvature. The mean of each station
+    over the states is subtracted, because the width w₀ of each station is free.
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
@@ -112,10 +116,10 @@ def _at_stations(points: Array) -> Array:
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """Return the distances of an edge from m middle points of the beam along normals of the middle line, shape (m,).
+    """Return the signed distance of an edge from the middle line, along the normals at m middle points, shape (m,).
 
-    The edge has n points, shape (n, 2). The middle points and the normals have the shape (m, 2). The last axis of each
-    argument holds x and y.
+    `points` contains n points of the edge, shape (n, 2). `middle` contains the middle points, and `normal` the unit
+    vectors normal to the middle line at these points, both of shape (m, 2). The last axes contain x and y.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]

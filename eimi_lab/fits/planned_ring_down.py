@@ -1,17 +1,19 @@
 """The gain from a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
 
-A run of static states determines the ratio of the modulus to the magnetic moment. A ring-down is the free vibration of
-the beam after a load was removed. In zero field it determines the modulus from the mass of the beam, without the
-moment. If creep is recorded, a viscoelastic (Prony) law relates the static modulus to the dynamic modulus. Let s be the
-logarithm of the modulus from the static states, and d the logarithm of the modulus from the ring-down. To first order
-in the errors δ of the inputs, each of unit variance,
+A run of static states determines only the ratio of the modulus to the magnetic moment, so that an error of the moment
+is also an error of the modulus. A ring-down is the free vibration of the beam after a load was removed. In zero field,
+its frequency and the mass of the beam determine the modulus without the moment. This dynamic modulus is larger than the
+static modulus. If creep is recorded, a viscoelastic (Prony) law gives the difference of the two moduli.
+
+Let s be the logarithm of the modulus from the static states, and d the logarithm of the modulus from the ring-down. To
+first order in the errors δ of the inputs, each divided by its standard uncertainty,
 
     s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
-Here x is the logarithm of the true static modulus. The vectors a and b are the changes of s and d for a unit error of
-each input. The scalars n_s and n_d are noise. The modulus of the short times of a ring-down is larger than the modulus
-of the long times of static states; r is the error of the computed difference. The best linear estimate of x has the
-variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance of s and d (Gauss-Markov).
+Here x is the logarithm of the true static modulus, after the computed difference was subtracted from d, and r is the
+error of this difference. The vectors a and b are the changes of s and d for a unit error of each input, and n_s and n_d
+are noise. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance matrix of s and d,
+and 1 is the vector (1, 1) (Gauss-Markov theorem).
 """
 
 from __future__ import annotations
@@ -157,22 +159,9 @@ def expected_ring_down(
 def _effects_percent(
     beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
 ) -> dict[str, float]:
-    """Return the change of the dynamic modulus (%) due to each quantity of each source of uncertainty, by name.
+    """Return the change of the dynamic modulus (%) if an uncertain input is larger by its standard uncertainty.
 
-    Each change has a sign, and belongs to a deviation of the quantity by one standard uncertainty.
-
-    Parameters
-    ----------
-    beam : RingingBeam
-        The beam with the values in the input files.
-    modulus : float
-        The initial shear modulus of the earlier fit, Pa.
-    frequency_Hz : float
-        The frequency of the undamped beam.
-    gain : float
-        The relative change of the modulus divided by the relative change of the frequency, for small changes.
-    stated : sequence of StatedSource
-        The sources of uncertainty, with their standard uncertainties.
+    The result maps the name of each input to the change, which has a sign.
     """
     effects: dict[str, float] = {}
     for one in stated:

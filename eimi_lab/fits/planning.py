@@ -329,11 +329,11 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return a design criterion in which the two states at the currents I and -I can only be chosen together.
+    """Return a design criterion in which the states at opposite currents I and -I are chosen together, as one pair.
 
-    The criterion computes how accurate a run with some chosen states would be. The first half of its states has the
-    currents I, and the second half has the currents -I in the same order. Raises ValueError if the beam has an
-    equilibrium in fewer than two such pairs of states.
+    The criterion contains the states that can be chosen, and computes how accurate a run with some of them would be.
+    The first `currents` states have the currents I, and the next `currents` states have the currents -I in the same
+    order. Raises ValueError if the beam has an equilibrium at both currents of fewer than two pairs.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]

@@ -1,10 +1,13 @@
 """Compute the interval of the error of a fit on a dataset, from the uncertainties of fit and dataset.
 
-The parameters of the law are taken from the draws of the fit (random samples from the distribution of its result). The
-uncertain inputs of the dataset are drawn in addition. Fit and dataset may share a source of uncertainty: the same coil,
-calibration or calliper. The deviation of a shared source is taken from the same draw as the parameters. For example, a
-coil that is weaker than stated makes the identified modulus too high. If the same coil acts on the beam of the dataset,
-this beam still bends as simulated. All other sources are drawn independently.
+The fit contains random samples (draws) from the distribution of its result. The dataset is simulated with the
+parameters of each draw and with a random deviation of each of its own uncertain inputs. The interval follows from the
+errors of all simulations.
+
+Fit and dataset may have an error in common, for example because the same coil, calibration or calliper was used. A coil
+that is weaker than stated makes the identified modulus too high. If the same coil acts on the beam of the dataset, both
+errors cancel. The deviation of such a shared input is therefore taken from the same draw as the parameters. The
+deviations of all other inputs are drawn independently.
 """
 
 from __future__ import annotations
@@ -38,9 +41,10 @@ def error_interval_mm(
 ) -> tuple[float, float | None] | None:
     """Return the 95 % interval of the mean error of a fit on a dataset.
 
-    Each draw is simulated on the coarse mesh. The difference between this simulation and the simulation of the fit on
-    the coarse mesh is added to the residuals of the fit. The corrections by more accurate models are thus assumed to be
-    the same for all draws. Draws: random samples of the parameters and the uncertain inputs.
+    The fit contains draws: random samples of the parameters and the uncertain inputs. To save time, each draw is
+    simulated only on a coarse mesh. Its residuals are the accurate residuals of the fit, plus the difference between
+    the draw and the fit on the coarse mesh. The correction by more accurate models is thus assumed to be the same for
+    all draws.
 
     Parameters
     ----------
@@ -79,10 +83,10 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean error on a dataset for each of D draws (random samples) of a fit, repeated T times.
+    """Return the mean error of a fit on a dataset for each of D draws of the fit, repeated T times.
 
-    In each repetition, the uncertain inputs that the dataset does not share with the data of the fit are drawn again at
-    random.
+    Draws are random samples of the parameters and the uncertain inputs. Some inputs of the dataset are independent of
+    the data of the fit, for example another coil. Their deviations are drawn again in each repetition.
 
     Parameters
     ----------
@@ -123,10 +127,10 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset, without the inputs that were fitted with the law.
+    """Return the uncertain inputs of a dataset as pairs: source of uncertainty, index of a number in it.
 
-    A source of uncertainty (such as the place of the clamp) may consist of several inputs (its two coordinates). For
-    each input, the source and the index of the input in the source are returned.
+    A source of uncertainty is a quantity with a stated uncertainty. It may consist of several numbers: for example, the
+    place of the clamp has two coordinates. Inputs that were fitted together with the law are left out.
     """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
@@ -160,10 +164,10 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of one input of a source of uncertainty in D draws (samples) of a fit, shape (D,).
+    """Return the deviations of an input of a dataset in D draws (random samples) of a fit, shape (D,).
 
-    `part` is the index of the input in the source. The deviations are divided by the standard uncertainty. Return None
-    if no dataset of the fit shares this source with the dataset whose error is predicted.
+    The input is the number `part` of the source of uncertainty `stated`. The deviations are divided by the standard
+    uncertainty. None is returned if the data of the fit do not share this source of uncertainty with the dataset.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

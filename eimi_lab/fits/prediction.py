@@ -99,7 +99,10 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that follow the step `step` with the result `outcome`; the long steps come first."""
+        """Return the steps that become possible when `step` has ended with the result `outcome`; long steps come first.
+
+        A simulation is followed by the computation of an interval, or by a separate simulation if it failed.
+        """
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()
@@ -191,9 +194,10 @@ def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None
 
 
 def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
-    """Return a relative estimate of the time that the simulation of a dataset needs.
+    """Return a number that is roughly proportional to the time for the simulation of a dataset.
 
-    The estimate is the number of states times the ratio of width to length of the beam.
+    The longest simulations are begun first. The number is the number of states times the width of the beam, divided by
+    its length.
     """
     for _, evidence in fits:
         specimen = evidence.experiment.model.specimen

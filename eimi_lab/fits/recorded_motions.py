@@ -139,7 +139,10 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
 
 
 def static_states(evidence: Sequence[Evidence], record: FitRecord) -> StaticStates:
-    """Return the static states of datasets, with the modulus that a fit identified from all these states."""
+    """Return the static states of datasets with their times, and the modulus that a fit identified from these states.
+
+    The fit of a viscoelastic law uses the modulus and the times.
+    """
     modulus = record.initial_shear_modulus
     low, high = modulus.interval_95_fit or modulus.interval_95
     on_picture = {

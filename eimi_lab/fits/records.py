@@ -305,9 +305,9 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return the keys of a fit in the order in which all releases write them to a result file.
+        """Return a fit as a dictionary whose keys are in the fixed order of a result file.
 
-        Empty keys that earlier releases do not have are left out.
+        Keys that a later release added are left out if they are empty, so that the file stays the same as before.
         """
         written: dict[str, Any] = serialize(self)
         for key in _IF_ANY:
@@ -383,9 +383,9 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return a text that lists the important inputs for which the files give no uncertainty.
+        """Return a text on the inputs that the fit takes as exact, because the files give no uncertainty for them.
 
-        For each input, the text gives the change of the modulus that the usual uncertainty of the input would cause.
+        For each input, the text gives the change of the modulus that an error of usual size would cause.
         """
         return "".join(
             (
@@ -423,9 +423,9 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt whose index of a state, counted among the used states, is replaced by the index in the dataset.
+    """Return a doubt (reason to distrust the fit) in which a state has its number in the dataset.
 
-    A doubt is a reason to distrust the fit.
+    In the argument, the states are counted among the used states only.
     """
     if doubt.dataset is None or doubt.state is None:
         return doubt

@@ -137,10 +137,10 @@ def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
 
 
 def _along_mm(points_mm: Array) -> Array:
-    """Return the arc length from the clamp (x = 0) to each of the m points of an edge (mm), shape (m,).
+    """Return the arc length (mm) along an edge from the clamp, at x = 0, to each of its m points, shape (m,).
 
-    `points_mm`, shape (m, 2), holds x and y of each point. The points are smoothed first, because their scatter would
-    lengthen the path.
+    `points_mm`, shape (m, 2), contains x and y of each point. The points are smoothed first, because their scatter
+    would make the path longer.
     """
     if not len(points_mm):
         return np.zeros(0)

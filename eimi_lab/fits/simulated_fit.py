@@ -100,11 +100,12 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
     """Simulate several fits on a dataset together, which takes less time than separate simulations.
 
     Each fit is first simulated with a planar beam model. A better beam model then corrects the result: a planar model
-    with a finer mesh or, for the section "solid", a three-dimensional model. The three-dimensional model is solved in
-    a few states, and the correction of the other states is interpolated. The correction of one fit starts from the
-    corrections of the previous fits, because similar fits have similar corrections. If the interpolation fails, the
-    three-dimensional model has to be solved in all states. The function then yields None, and `simulate_alone`
-    simulates this fit.
+    with a finer mesh or, for the section "solid", a three-dimensional model. To save time, the three-dimensional model
+    is solved in a few states only, and the correction of the other states is interpolated. The solution starts from the
+    corrections of the previous fits, because similar fits have similar corrections.
+
+    If the interpolation is not accurate enough for a fit, the three-dimensional model has to be solved in all states.
+    The function yields None for this fit, and `simulate_alone` simulates it.
 
     Parameters
     ----------
@@ -167,11 +168,10 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the simulation of a fit, and its correction for the depth of the beam.
+    """Return the simulation of a fit with the best beam model, and how this model changed the simulated edges.
 
-    The correction is the change of the simulated edges from a planar model to a model with a solid cross-section.
-
-    Prediction and correction are None if the method "interpolate" fails.
+    The change (correction) is the difference between a model with a solid cross-section and a planar model. Both
+    results are None if the method "interpolate" is not accurate enough.
 
     Parameters
     ----------

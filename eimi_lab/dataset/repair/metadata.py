@@ -127,10 +127,11 @@ def _length_at(head: bytes) -> int:
 
 
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
-    """Yield the position in the file and the length of each continuation block of an object header.
+    """Yield where each continuation block of an object header is in the file, and its length, both in bytes.
 
-    An object header, HDF5's description of one group or array, consists of messages. ``messages`` contains the bytes of
-    the messages in the header, and ``flags`` is the byte of the header's flags.
+    An object header, HDF5's description of one group or array, consists of messages. A continuation message tells where
+    the header continues. ``messages`` contains the bytes of all messages in the header, and ``flags`` is the byte with
+    the flags of the header.
     """
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):
@@ -148,11 +149,10 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 
 
 def _mend_heap(file: MendedFile, at: int) -> int:
-    """Correct the direct block of a heap that contains names; return the number of corrected bits.
+    """Correct one flipped bit in the block of a heap at the position `at`; return the number of corrected bits.
 
-    A heap is the part of an HDF5 file that stores the names of the members of a group.
-
-    In this block the checksum is before the names, not at the end (HDF5 File Format Specification 3.0, section III.G).
+    HDF5 stores the names of the members of a group in a heap. In the block with the names (the direct block), the
+    checksum is before the names and not at the end (HDF5 File Format Specification 3.0, section III.G).
     """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)
     if len(header) < 146 or not header[9] & 2:

@@ -139,10 +139,10 @@ def _in_plane(tracks: Tracks, placing: Placing, origin: str) -> Array:
 
 
 def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float, Callable[[Array], Array]]:
-    """Return how many millimetres one unit of the file is, and a function that converts positions to the beam frame.
+    """Return the length of one unit of the file in mm, and a function that converts positions into the beam frame.
 
-    The function takes and returns positions of shape (..., 2). In the beam frame, x runs along the straight beam from
-    the clamp, and y across the beam; the unit is mm.
+    The function takes positions in the unit and axes of the file, shape (..., 2), and returns positions in mm. In the
+    beam frame, x runs along the straight beam from the clamp, and y across the beam.
     """
     calibration = placing.calibration
     if calibration is not None:
@@ -171,7 +171,7 @@ def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float
 
 
 def _unit_mm(tracks: Tracks, placing: Placing, origin: str) -> float:
-    """Return how many millimetres one unit of the positions is. The unit comes from the file or from the user."""
+    """Return the length in mm of one unit of the positions: the unit in the file, or the unit that the user gives."""
     if tracks.unit is not None and placing.unit not in (None, tracks.unit):
         raise InputError(f"--unit {placing.unit}: contradicts {origin}, whose unit is {tracks.unit}; leave --unit out")
     unit = tracks.unit or placing.unit

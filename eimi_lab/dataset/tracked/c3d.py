@@ -57,11 +57,10 @@ def read_c3d(path: Path) -> Tracks:
 
 
 def _main(path: Path, within_s: str) -> None:
-    """Read a C3D file with limits of memory and processor time, and write its tracks to standard output as a pickle.
+    """Read a C3D file and write the positions of its markers in all frames to standard output, as a pickled `Tracks`.
 
-    Tracks are the positions of the markers in all frames.
-
-    ``within_s`` is the limit of the processor time in s. The limits apply to this process.
+    This function runs in a process of its own, whose memory and processor time it limits first. ``within_s`` is the
+    limit of the processor time in s.
     """
     obey_processor_limit(within_s)
     bound_memory(path.stat().st_size)

@@ -77,9 +77,10 @@ class _Inert:
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
-    """Create an array from its constructor `make`, the arguments of the constructor, and the contents `state`.
+    """Return an array that the library dill stored in a pickle; µDIC writes its files with dill.
 
-    The library dill, with which µDIC writes its files, stores an array in this form.
+    ``make`` is the function that creates an empty array, ``arguments`` are its arguments, and ``state`` contains the
+    shape and the values.
     """
     array = make(*arguments)
     array.__setstate__(state)

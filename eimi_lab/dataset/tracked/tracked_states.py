@@ -90,10 +90,9 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index of a frame among the frames in which points were tracked.
+    """Return the index, among the frames of a tracking program, of the frame that a row of the table of states gives.
 
-    A row of the table of load steps gives the number or the time of the frame. Raises InputError if there is no such
-    frame.
+    The row contains the number or the time of the frame. Raises InputError if there is no such frame.
     """
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
@@ -121,12 +120,12 @@ def points_on_beam(
 ) -> NDArray[np.int64]:
     """Return the indices of the n tracked points that are used for a dataset, shape (n,).
 
-    A point is used if it is on the beam at rest, and if it was seen in at least one of the frames with the indices
-    ``at``. If there are more than `MOST_POINTS` such points, `MOST_POINTS` of them are returned, evenly spaced in the
-    order of the file. A point counts as on the beam up to a distance of ``margin_mm`` from the beam; None stands for
-    2 % of the width of the beam.
+    A point is used if it is on the beam at rest, and if it was seen in at least one of the frames that are used. ``at``
+    contains the indices of these frames. A point counts as on the beam up to a distance of ``margin_mm`` from the beam;
+    None stands for 2 % of the width of the beam. At most `MOST_POINTS` points are returned: if there are more, they are
+    chosen evenly spaced in the order of the file.
 
-    Raises InputError if there is no such point. A note on standard error tells how many points are left out.
+    A note on standard error tells how many points are left out. Raises InputError if there is no suitable point.
     """
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm if margin_mm is None else margin_mm
