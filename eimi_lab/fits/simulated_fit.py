@@ -226,11 +226,10 @@ def _simulated(
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """Return the errors of a fit on a dataset; `seen` tells whether the law was fitted to this dataset.
+    """Return the errors of a fit on a dataset: root mean square distances between measured and simulated points.
 
-    Stretch and stability come from the planar simulation (`plain`). The errors come from the most accurate beam model
-    (`misfit`). If the beam has no equilibrium, `misfit` is None. Error: the root mean square distance between measured
-    and simulated points of a state.
+    `seen` tells whether the law was fitted to this dataset. `misfit` contains the distances for the most accurate beam
+    model; None if the beam has no equilibrium. Stretch and stability come from the planar simulation `plain`.
     """
     fit = fitted_law.fit
     common: dict[str, Any] = {

@@ -18,9 +18,10 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """A state whose flags (names of defects) increase the standard deviation of its points.
+    """A state whose points count less in a fit, because its flags (names of defects) increase their standard deviation.
 
-    The standard deviation `by_mm` (mm) is added in quadrature. `state` is the index of the state in the dataset.
+    The standard deviation `by_mm` (mm) is added in quadrature to that of each point. `state` is the index of the state
+    in the dataset.
     """
 
     state: int

@@ -63,7 +63,10 @@ class TensileTest:
 
 @dataclass(frozen=True)
 class FileCurve(TensileCurve):
-    """A tensile curve from a file, up to the strain `window_percent` (None: the whole curve)."""
+    """The part of a tensile curve up to the strain `window_percent`, read from the file `path`.
+
+    `window_percent` is None for the whole curve.
+    """
 
     path: str = ""
     sha256: str = ""
@@ -127,9 +130,10 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return the only name of `names` that the header of a file contains.
+    """Return the name of the column of strain, or of stress, that the header of a file contains.
 
-    Raises InputError if the header contains none or several of the names.
+    `names` contains the permitted names, each with the factor of its unit. Raises InputError if the header contains
+    none or several of them.
     """
     present = [name for name in names if name in header]
     if len(present) != 1:

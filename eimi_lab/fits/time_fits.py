@@ -27,8 +27,11 @@ def with_law_of_time(
     """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
 
     The viscoelastic law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the modulus
-    of the static fit, which is a mean over all static states. Each state counts with the time for which its load acted
-    before the measurement, in its own dataset. Raises InputError if no ring-down can be used.
+    of the static fit. The static fit treats the material as elastic. Its modulus is therefore a mean over states in
+    which the material had relaxed for different times. The fit uses these times: how long the load of each state acted
+    before the measurement.
+
+    Raises InputError if no ring-down can be used.
     """
     static = static_states(evidence, record)
     return replace(record, time=_identified(record.model, np.array(record.values()), motions, static, seed))

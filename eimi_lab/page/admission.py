@@ -2,9 +2,9 @@
 
 The page is the live web page of `eimi dashboard`. The token is a random text that the page needs for every request.
 
-Two kinds of people must receive no data. The first is the author of a page of another site that is open in the same
-browser. The second is another user of the same computer, who can connect to every port of 127.0.0.1. A request is
-therefore answered only if all of these conditions are fulfilled:
+Two others might try to receive data from the page: a page of another site that is open in the same browser, and another
+user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if all of
+these conditions are fulfilled:
 
 - Its Host is a name of this page. (Under DNS rebinding, a foreign name resolves to this computer.)
 - It carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page.
@@ -131,7 +131,10 @@ class Admission:
         return _refused_length(scope, headers)
 
     async def _is_introduced(self, receive: Receive, send: Send) -> bool:
-        """Accept a WebSocket, and return whether its first message contains the token (the secret text of the page)."""
+        """Accept a WebSocket, and return whether it belongs to this page: its first message must contain the token.
+
+        The token is the secret text of the page.
+        """
         await send({"type": "websocket.accept", "headers": []})
         try:
             message = await asyncio.wait_for(receive(), INTRODUCED_WITHIN_S)
@@ -151,9 +154,10 @@ def _refused_length(scope: Scope, headers: Headers) -> Response | None:
 
 
 def _after(first: Message, receive: Receive) -> Receive:
-    """Return a function that returns the message ``first`` at its first call, and the messages of ``receive`` later.
+    """Return a function that receives messages like `receive`, but returns the message ``first`` at its first call.
 
-    The application thus also receives the first message, which `Admission` has already taken from ``receive``.
+    `Admission` has taken this message from ``receive`` to check it. With the returned function, the application
+    receives it too.
     """
     waiting = [first]
 
@@ -164,9 +168,9 @@ def _after(first: Message, receive: Receive) -> Receive:
 
 
 def _without_accept(send: Send) -> Send:
-    """Return a function that sends every message except the acceptance of a WebSocket.
+    """Return a function that sends every message like `send`, but drops the acceptance of a WebSocket.
 
-    `Admission` itself has already sent the acceptance.
+    `Admission` has already sent the acceptance, and the application sends it a second time.
     """
 
     async def sent(message: Message) -> None:

@@ -383,9 +383,9 @@ class BenchRun:
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
-        """Estimate the remaining time from the mean time per state (load step) since the first stored state.
+        """Estimate the time that the run still needs, when a state (load step) was stored at the time `at_s` (s).
 
-        ``at_s`` is the time at which a state was stored, s.
+        The estimate is the number of missing states times the mean time for a state since the first one was stored.
         """
         if self._taking is None:
             self._taking = at_s, self.progress.stored

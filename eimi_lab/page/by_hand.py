@@ -105,9 +105,10 @@ def _written_calibration(file: Path) -> dict[str, Any] | None:
 
 
 def _stated(folder: Path, changes: dict[str, Any]) -> Calibration:
-    """Return the calibration with the values that a person gave on the live web page.
+    """Return a calibration with the values that a person gave on the live web page.
 
-    The values that the page cannot change come from calibration.toml of the folder, if this file exists.
+    Values that the page cannot change come from the file calibration.toml in the folder. Without this file they have
+    their default values.
     """
     file = folder / CALIBRATION
     edited = {key: value for key, value in changes.items() if key in EDITED}

@@ -114,9 +114,9 @@ class CameraDesk:
         self._watching = asyncio.create_task(self._watch(self._process, eyes, view))
 
     async def _watch(self, process: asyncio.subprocess.Process, eyes: OpenedEyes, view: View) -> None:
-        """Send frames and edges to the open tabs of the web page until the process of the camera has ended.
+        """Show the live image until the process of the camera has ended: send its frames and edges to all open tabs.
 
-        The process is told to end when no tab is open any more.
+        A tab shows the web page in a browser. If no tab is open any more, the process is told to end.
         """
         without_tabs = asyncio.create_task(self._end_without_tabs(process))
         seeing = asyncio.create_task(eyes.see())

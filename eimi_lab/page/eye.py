@@ -69,8 +69,8 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
 def find_in_frames(memory: int, until_closed: int, rig: str, specimen: str) -> None:
     """Write the edges of the newest frame to standard output, repeatedly, until a pipe is closed.
 
-    The process uses at most half of the time for finding edges, and waits in the other half. The edges of the last
-    frame are always written.
+    After each search, the process waits at least as long as the search took, so that it uses at most half of the time.
+    The last frame before the end is always searched.
 
     Parameters
     ----------
@@ -126,8 +126,9 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
     """Find the edges of the beam in an image, and return a JSON object.
 
-    The blur is known only if the search sets the flag (failed quality check) for blur. The search therefore runs with a
-    limit of 0 for the blur. The returned flags contain the flag for blur only if the blur is above the usual limit.
+    The page shows the blur of every image. The search for edges reports the blur only in a flag (failed quality check),
+    if the blur is above a limit. The search therefore runs with the limit 0. The returned flags contain the flag for
+    blur only if the blur is above the usual limit.
 
     Parameters
     ----------

@@ -1,10 +1,8 @@
-"""The newest frame of a run, in memory that the run and the page share.
+"""The newest frame of a run, in memory that the run and the page (the live web page of `eimi dashboard`) share.
 
-The page is the live web page of `eimi dashboard`.
-
-The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits. The page reads
-the slot with the newer frame. Two counters in the slot show whether the run overwrote the slot during the reading. If
-so, the page reads again.
+The memory has two slots, each for one frame. The run writes into the two slots in turn and never waits for the page.
+The page reads the slot with the newer frame. If the reading takes long, the run may overwrite this slot in the
+meantime. Two counters in the slot show this, and the page then reads again.
 """
 
 from __future__ import annotations

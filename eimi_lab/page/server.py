@@ -114,7 +114,7 @@ class Page:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
     async def _figures(self, request: Request) -> Response:
-        """Answer with the delays (s) of the last frames, from the arrival of a frame at the run to its display."""
+        """Answer with the delays of the last frames: the times (s) from their arrival at the run to their display."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 
     async def _report(self, request: Request) -> Response:

@@ -105,10 +105,10 @@ Identity = tuple[int, int, str]
 
 
 def _identity(dataset: Dataset) -> Identity:
-    """Return a key that identifies a dataset and stays the same while states are appended.
+    """Return a key under which results for a dataset can be kept in memory, while a run still appends states to it.
 
-    Stored states never change, so that results for one state can be kept in memory under the key. The key also contains
-    the start time of the run, because a new file can get the inode number of a deleted file.
+    Stored states never change. The key consists of the device, the inode number and the start time of the run. The
+    start time is necessary because a new file can get the inode number of a deleted file.
     """
     about = dataset.path.stat()
     return about.st_dev, about.st_ino, dataset.start_time().isoformat()
@@ -126,7 +126,8 @@ _last_estimate: dict[Identity, ModulusSoFar] = {}
 def modulus(path: Path, states: int) -> dict[str, Any] | None:
     """Return an estimate of the initial shear modulus from the first states of a dataset.
 
-    The search for the modulus starts at the previous estimate for the same dataset.
+    The page shows the estimate while a run still adds states. To save time, the search for the modulus starts at the
+    previous estimate for the same dataset.
 
     Parameters
     ----------

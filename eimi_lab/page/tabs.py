@@ -56,12 +56,13 @@ def table_of(body: dict[str, Any], key: str) -> dict[str, Any]:
 
 @dataclass(eq=False)
 class Tab:
-    """An open tab with its WebSocket.
+    """An open tab of the page, with the messages that are not sent to it yet.
 
-    ``waiting`` is set from the sending of a frame until the tab has shown the frame: it contains the times at which the
-    frame was sent and captured, on the monotonic clock (s). Otherwise ``waiting`` is None. ``stale`` is true until the
-    tab has received the newest state of the page (of run, camera and fit). ``frame`` and ``edges`` are the newest frame
-    and edges that are not sent yet. ``wake`` tells the sending task that there is something to send.
+    ``socket`` is its WebSocket, and ``name`` identifies the tab. ``stale`` is true until the tab has received the
+    newest state of the page (of run, camera and fit). ``frame`` and ``edges`` are the newest frame and edges that are
+    not sent yet; None without one. ``waiting`` contains the times at which a frame was sent and captured (s, monotonic
+    clock), from the sending until the tab has shown the frame; otherwise None. ``wake`` tells the sending task that
+    there is something to send.
     """
 
     socket: WebSocket

@@ -77,15 +77,16 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the bench and the functions with which a person can watch and pause a run.
+    """Yield the arguments of `acquire` with which a person can watch and pause a run on the page.
+
+    A run that the page did not start gets its bench unchanged.
 
     Parameters
     ----------
     page : Descriptors or None
         Descriptors of the page that started the run; None for a run that a person started at a terminal.
     bench : Bench
-        The open instruments. For the page, the yielded bench has a supply that also stores its current and the heating
-        of the coil.
+        The open instruments. For the page, the supply of the yielded bench is a `WatchedSupply`.
     rig : Rig
         The rig, for the rating of the coil.
     on_event : OnEvent
@@ -118,7 +119,7 @@ def _listen(typed: queue.SimpleQueue[str], on_event: OnEvent) -> None:
 
 
 class WatchedSupply:
-    """A supply that also stores values for the live web page: set-point, measured current and heating of the coil.
+    """A supply that remembers its set-point, its measured current and the heating of the coil for the live web page.
 
     Every method passes its call to the wrapped supply.
     """

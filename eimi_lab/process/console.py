@@ -57,20 +57,23 @@ def typed_line() -> str | None:
 
 
 def handled(event: int, act: Callable[[], None]) -> int:
-    """Handle a control event of a Windows console.
+    """Call ``act`` if Windows closes the console, logs the user off or shuts down; ignore Ctrl-C.
+
+    Windows calls this function for each event of the console, and ends the process as soon as the function returns 1.
 
     Parameters
     ----------
     event
-        The event: 0 is Ctrl-C and 1 is Ctrl-Break; 2, 5 and 6 are the closing of the console, a log-off and a shutdown.
+        Number of the event: 0 is Ctrl-C and 1 is Ctrl-Break; 2, 5 and 6 are the closing of the console, a log-off and a
+        shutdown.
     act
-        Called if the event is a closing of the console, a log-off or a shutdown.
+        The function to call.
 
     Returns
     -------
     int
-        0 for Ctrl-C and Ctrl-Break: Python's own handler turns these events into signals. Otherwise 1, after ``act``
-        and a wait of `HELD_S`, because Windows ends the process as soon as the handler returns.
+        0 for Ctrl-C and Ctrl-Break, which Python then turns into signals. Otherwise 1, after ``act`` and a wait of
+        `HELD_S`, in which the main thread can end the program in order.
     """
     if event not in _CLOSING:
         return 0

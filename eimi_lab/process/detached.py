@@ -46,9 +46,9 @@ def detached() -> dict[str, Any]:
     process.
 
     Windows: the process has an invisible console and a separate process group. Ctrl-C, Ctrl-Break and the closing of
-    the console do not reach the process. The new process does not belong to the job object of this process (a group of
-    processes that can be ended together) if the job object permits this. In a virtual environment, `python.exe` only
-    starts the real interpreter, in a job object that would end the interpreter. The real interpreter is therefore
+    the console do not reach the process. This process may belong to a job object, which is a group of processes that
+    can be ended together. The new process leaves this group if the job object permits it. The `python.exe` of a virtual
+    environment only starts the real interpreter, and puts it into a job object. The real interpreter is therefore
     started directly, as `multiprocessing` does.
     """
     if sys.platform == "win32":

@@ -120,12 +120,10 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
 
 
 def child_arguments(count: int) -> list[str]:
-    """Return the ``count`` arguments that `run_limited` gave to this process.
+    """Return the arguments that `run_limited` gave to this process; the last is the limit of the processor time (s).
 
-    The last argument is the limit of the processor time (s).
-
-    If the number of arguments is not ``count``, the program was replaced by another release after the command had
-    started. The process then prints a message and ends with exit status 2.
+    There must be ``count`` arguments. Another number means that the program was replaced by another release after the
+    command had started. The process then prints a message and ends with exit status 2.
     """
     arguments = sys.argv[1:]
     if len(arguments) != count:

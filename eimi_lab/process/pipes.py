@@ -71,7 +71,7 @@ def never_wait_to_write(descriptor: int) -> None:
 
 @contextmanager
 def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]:
-    """Let a child process that is started within the context inherit file descriptors, such as the end of a pipe.
+    """Pass file descriptors, such as the end of a pipe, to a child process that is started within the context.
 
     Yields
     ------

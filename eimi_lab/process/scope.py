@@ -25,8 +25,8 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
     A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
 
-    The process is not moved if the user has no systemd. It is not moved either if the new scope would end with the
-    user's session although the process without a new scope would outlive the session.
+    The process is not moved if the user has no systemd, or if the new scope would end earlier than the process would
+    end without it: at the logout of the user.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _ends_with_the_session_anyway() -> bool:
-    """Return whether the user's systemd runs at least as long as this process would run without a new scope.
+    """Return whether a new scope would last at least as long as this process would last without a new scope.
 
-    This is so if systemd keeps running after the logout of the user (lingering), or if this process already belongs to
-    the user's systemd.
+    This is so if the user's systemd, to which the new scope belongs, keeps running after the logout of the user
+    (lingering). It is also so if this process already belongs to the user's systemd.
     """
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")

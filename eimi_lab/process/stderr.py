@@ -100,11 +100,11 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
     def _send_a_piece(self) -> None:
-        """Write a piece of the waiting text, and remove this piece from the waiting text.
+        """Write the first bytes of the waiting text, and remove the written bytes from the waiting text.
 
-        The handler of a signal can raise an error after each function call. `extend` therefore writes the piece and
-        stores the number of the written bytes in one call. `finally` then removes these bytes without a further call,
-        so that no byte is written twice.
+        The handler of a signal may raise an error between any two function calls. If this happened between writing and
+        removing, the bytes would be written twice. `extend` therefore writes and stores the number of the written bytes
+        in one call, and `finally` removes the bytes also after an error.
         """
         written_bytes: list[int] = []
         try:
@@ -222,11 +222,11 @@ def library_words() -> Iterator[list[str]]:
 
 
 def _reopened(descriptor: int) -> int:
-    """Return a new descriptor for the same pipe, terminal or file.
+    """Return a new descriptor for the same pipe, terminal or file; writes to a pipe or terminal then never block.
 
-    A pipe or a terminal is opened again in the mode that never blocks, because a change of the mode of the old
-    descriptor would affect all processes that share the descriptor. For any other file the descriptor is duplicated,
-    because a file that is opened again would be written from its beginning.
+    Such a pipe or terminal is opened again, because a change of the old descriptor would affect all processes that
+    share it. The descriptor of a file is only duplicated, because a file that is opened again would be written from its
+    beginning.
     """
     mode = os.fstat(descriptor).st_mode
     if sys.platform != "win32" and (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)):

@@ -65,8 +65,8 @@ _received: list[int] = []
 def unwind_on_termination() -> None:
     """Let Ctrl-C, termination and hang-up raise `Stopped`. A signal that is ignored stays ignored.
 
-    Python cannot raise an error from a destructor or from a callback of a C library: it reports the error and drops it.
-    If a `Stopped` is dropped in this way, the same signal is sent again after `AGAIN_AFTER_S`.
+    If the signal comes during a destructor or a callback of a C library, Python cannot raise the error `Stopped`: it
+    reports the error and drops it. The same signal is then sent again after `AGAIN_AFTER_S`.
     """
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -100,9 +100,10 @@ def leaving() -> Iterator[None]:
 
 
 def raise_if_asked() -> None:
-    """Raise `Stopped` if a signal has come before.
+    """Raise `Stopped` if a signal has come, also if the first `Stopped` of this signal was lost.
 
-    The `Stopped` of that signal may have been dropped, because Python drops an error in a destructor or a callback.
+    Python drops an error that is raised in a destructor or in a callback of a C library. Long operations therefore call
+    this function.
     """
     if _received:
         raise Stopped(_received[0])

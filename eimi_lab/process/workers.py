@@ -166,10 +166,10 @@ def _submitted(
     finished: SimpleQueue[Future[T]],
     tasks: Sequence[Task],
 ) -> dict[Future[T], Task]:
-    """Give tasks to a pool, and return a dictionary of the tasks, whose keys are the futures of the tasks.
+    """Give tasks to a pool of workers, and return the tasks by their futures.
 
-    A future is an object that will contain the result of a task. Each future is put in the queue ``finished`` when its
-    task is done.
+    A future is an object that will contain the result of a task. When a task is done, its future is put into the queue
+    ``finished``.
     """
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
@@ -241,9 +241,9 @@ def processes(workers: int) -> Iterator[Executor]:
 def started(
     executor: Callable[[], AbstractContextManager[Executor]] | None, workers: int, module: str
 ) -> Iterator[Callable[[], AbstractContextManager[Executor]] | None]:
-    """Start an executor, which runs tasks in worker processes, before the tasks are known.
+    """Start an executor with its worker processes early, before the tasks are known, to save time.
 
-    The workers then load a module while this process loads its own modules.
+    The workers load a module while this process loads its own modules. The executor then runs the tasks.
 
     Parameters
     ----------
@@ -271,10 +271,10 @@ def started(
 
 
 def start_resource_tracker() -> None:
-    """Start Python's resource tracker, a process that removes shared resources, with the hang-up signal blocked.
+    """Start Python's resource tracker, a process that removes shared resources, so that a hang-up does not end it.
 
-    The resource tracker itself ignores the other signals. A hang-up would end the resource tracker before the worker
-    processes, and Python would then print many lines about the loss of the resource tracker.
+    The hang-up signal is blocked during the start, and the resource tracker ignores all other signals by itself. If a
+    hang-up ended it before the worker processes, Python would print many lines about the loss of the tracker.
     """
     if sys.platform != "win32":  # Windows removes shared resources by itself
         with _blocked("SIGHUP"):
@@ -349,10 +349,9 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Connect to a dask scheduler and close the connection, to check that a scheduler answers at ``address``.
+    """Check that a dask scheduler answers at ``address``: connect to it and close the connection.
 
-    This connection attempt can be cancelled after a time limit. The connection attempt of a dask client cannot be
-    cancelled.
+    The caller can cancel this attempt after a time limit, which is not possible with a dask client.
     """
     from distributed.comm import connect
 

@@ -32,10 +32,11 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 @dataclass
 class _Held:
-    """A lock that this process holds.
+    """A lock that this process holds, with the number of times that it was taken.
 
-    ``descriptor`` is the open lock file, or -1 if the file system supports no locks. ``owner`` contains the numbers of
-    the process and the thread that took the lock. ``times`` is the number of times that the owner took the lock.
+    ``descriptor`` is the open lock file, or -1 if the file system supports no locks. ``owner`` is the pair of the
+    process number and the thread number of the owner. The owner may take the lock several times, and must release it
+    ``times`` times.
     """
 
     descriptor: int

@@ -156,7 +156,11 @@ def _folders(files: Sequence[PublishedFile]) -> dict[PurePosixPath, Node]:
 
 
 def _nest(root: Node, folders: dict[PurePosixPath, Node], files: Sequence[PublishedFile]) -> None:
-    """List every file and every folder in the JSON object of the folder that contains it, under the key hasPart."""
+    """Add each file and each folder to the list `hasPart` in the JSON object of the folder that contains it.
+
+    `root` is the JSON object of the whole archive, and `folders` contains the JSON objects of the folders by their
+    paths.
+    """
     places = {**folders, **{file.place: {"@id": _id(file.place)} for file in files}}
     for place, node in places.items():
         folders.get(place.parent, root)["hasPart"].append(_reference(node))

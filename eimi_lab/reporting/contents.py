@@ -57,11 +57,10 @@ class DatasetContents:
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the prediction for the dataset by the leading fit.
+        """Return the simulation of the dataset that figures with only one fit show.
 
-        If the beam has no equilibrium with the leading fit, return the prediction by the fit with the smallest mean
-        error. If the beam has no equilibrium with any fit, return None. The leading fit represents the dataset in
-        figures with only one fit.
+        This is the simulation by the leading fit. If the beam has no equilibrium with the leading fit, it is the
+        simulation with the smallest mean error; None if the beam has no equilibrium with any fit.
         """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None

@@ -60,10 +60,10 @@ class DrawnPanels:
         return [(panel, self._report[panel]) for panel in self._of_report if panel.summary]
 
     def of_report(self, *, after_datasets: bool) -> list[tuple[AnyPanel, Values]]:
-        """Return the panels (sections) of the appendix that stand before or after the panels of the datasets.
+        """Return the panels (sections) of the appendix that do not belong to a single dataset, in order.
 
-        If `after_datasets` is true, the panels after the datasets are returned, otherwise the panels before.
-        Each panel is returned with the values for its template. The panels are in the order in which they are shown.
+        If `after_datasets` is true, these are the panels that follow the panels of the datasets, otherwise the panels
+        before them. Each panel is returned with the values for its template.
         """
         panels = [panel for panel in self._of_report if panel.after_datasets == after_datasets and not panel.summary]
         return [(panel, self._report[panel]) for panel in panels]

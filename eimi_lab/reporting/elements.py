@@ -66,9 +66,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """The text of a cell of a table, or of one line of a cell, with a mark.
+    """A text in a cell of a table, with a mark for the reader; one of several lines of the cell, or the whole cell.
 
-    The mark is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
+    `mark` is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
 
     text: str
@@ -168,7 +168,7 @@ def _lines(cell: AnyCell) -> list[Cell]:
 def _cell(cell: AnyCell) -> Markup:
     """Return a cell of a table as HTML.
 
-    CSS classes mark the best value, long words, and cells in which all lines are short.
+    CSS classes mark a cell with the best value, with a long word, or with only short lines.
     """
     lines = _lines(cell)
     shown = Markup("<br>").join(_line(line, unbroken=len(lines) > 1 and len(line.text) <= _LINE) for line in lines)

@@ -201,9 +201,9 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict:
-    """Return the verdict on the quantity to measure better next, with the interval of the modulus to expect then.
+    """Return the verdict on the input to measure better next, with the interval of the modulus after this measurement.
 
-    If no uncertainty of an input is given, the verdict says so, because the fit then cannot compare its inputs.
+    If the files give no uncertainty of any input, the verdict says that the fit cannot compare the inputs.
     """
     if not fit.budget and fit.taken_as_exact:
         return Verdict(
@@ -233,7 +233,8 @@ def _next(fit: FitRecord) -> Verdict:
 def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
     """Return the verdict on whether the residuals of a fit look like noise in all datasets; None without edges.
 
-    With several datasets, the numbers of the tests stand in the appendix and not in the verdict.
+    For one dataset, the verdict contains the numbers of the test. For several datasets, it contains only the answers,
+    and the numbers are in the appendix.
     """
     simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
     tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]
@@ -286,9 +287,10 @@ def _reach(fit: FitRecord | TensileRecord) -> Verdict:
 
 
 def _truths(fit: FitRecord, fitted_to: Sequence[DatasetContents]) -> Iterator[Verdict]:
-    """Yield, for each true material of the datasets of a fit, a verdict that compares the initial shear moduli.
+    """Yield verdicts that compare the modulus of a fit with the true modulus, one for each true material.
 
-    Only datasets of a virtual (simulated) rig contain a true material. The verdict names all datasets of the material.
+    Only datasets of a virtual (simulated) rig contain a true material. Datasets with the same true material share one
+    verdict, which names all of them.
     """
     truths = [(contents.name, truth) for contents in fitted_to if (truth := truth_of(contents))]
     for place, (_, truth) in enumerate(truths):

@@ -112,9 +112,9 @@ def some_states(contents: DatasetContents, most: int) -> list[int]:
 
 
 def loads(contents: DatasetContents) -> Array:
-    """Return the relative size of the load in each of the K used states, shape (K,).
+    """Return a number for the size of the load in each of the K used states, shape (K,), to put the states in order.
 
-    The size is |field| / (largest |field|) + |tip force| / (largest |tip force|).
+    The number is |field| / (largest |field|) + |tip force| / (largest |tip force|).
     """
     field_and_force = np.abs([(s.field_mT, s.tip_force_N) for s in contents.evidence.states])
     return np.asarray((field_and_force / np.maximum(field_and_force.max(axis=0), 1e-12)).sum(axis=1))

@@ -88,9 +88,9 @@ def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x
 
 
 def legend_of_fits(drawing: Drawing, fits: Sequence[ShownFit]) -> None:
-    """Add a legend with the colour and marker of each law.
+    """Add a legend that explains the colour and the marker of each law.
 
-    If the laws were fitted to different kinds of data, the line style of each kind is added.
+    If the laws were fitted to different kinds of data, the legend also explains the line style of each kind.
     """
     handles = {
         s.fit.model: Line2D([], [], color=s.colour, marker=s.marker, linestyle="", label=s.fit.model) for s in fits

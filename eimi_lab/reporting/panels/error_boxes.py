@@ -22,10 +22,10 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw axes of the same scale for each specimen, with a box plot for each fit of the errors in its states.
+    """Draw one box plot for each fit and specimen, which shows the errors of the fit in the states of the specimen.
 
-    The error in a state is the root mean square distance of measured points from simulated edges. The boxes have the
-    colours of the laws.
+    Each specimen has its own axes, and all axes have the same scale. The error in a state is the root mean square
+    distance of measured points from simulated edges. A box has the colour of its law.
     """
     columns = min(3, len(report.datasets))
     rows = -(-len(report.datasets) // columns)

@@ -58,7 +58,7 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw one frame with the edges of its state.
+    """Draw the frame of the used state `k`, with the measured edges and, if there is a simulation, the simulated edges.
 
     `points` is the number of measured points that are drawn on each edge; None draws all points.
     """
