@@ -148,18 +148,18 @@ def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
 
 
 def _call_faults(name: str, subject: object, member: Callable[..., Any], owner: object = None) -> Iterator[str]:
-    """Yield a description of the fault if `subject` does not accept the arguments of a method of an interface.
+    """Yield a description of the fault if a driver cannot be called in the way that an interface prescribes.
 
     Parameters
     ----------
     name : str
         The name of the method.
     subject : object
-        The driver's own method, class or function, whose arguments are compared with the arguments of `member`.
+        The method, class or function of the driver that is checked.
     member : callable
-        The method in the interface (a `typing.Protocol`), which defines the arguments.
+        The method in the interface (a `typing.Protocol`), which defines the number of arguments.
     owner : object
-        The class or the instrument that has `subject` as its method. A method of a class also takes ``self``.
+        The class or the instrument to which `subject` belongs. If it is a class, the method takes ``self`` in addition.
     """
     count = len(inspect.signature(member).parameters) - 1
     if not callable(subject):

@@ -117,10 +117,10 @@ def discover() -> Discovery:
 
 
 def _search(kind: str, search: Callable[[], tuple[Found, ...]]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
-    """Call `search`, and return the instruments that it finds and the notes for the user.
+    """Return the instruments that one search finds, and notes for the user.
 
-    If `search` raises an error, the first tuple is empty, and the second tuple contains one note. The note begins with
-    `kind`, the name of the search. Without an error the second tuple is empty.
+    A search that raises an error must not end the other searches. Its result is then no instrument and one note, which
+    begins with `kind`, the name of the search. Without an error there is no note.
     """
     try:
         return search(), ()

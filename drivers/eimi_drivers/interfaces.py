@@ -164,8 +164,8 @@ class Off:
     limit_A : float
         The largest current with which the supply counts as off, A.
     found_off : bool
-        True if the driver had to reopen the connection to the supply and the output was already off after the
-        reopening.
+        True if the driver had to reopen the connection to the supply, and then found the output off before switching it
+        off.
     """
 
     current_A: float

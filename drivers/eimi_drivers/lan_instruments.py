@@ -84,8 +84,9 @@ def list_lan_instruments(
 def _announced_services(search_s: float, interfaces: Sequence[str] | InterfaceChoice) -> list[ServiceInfo]:
     """Return the services that instruments announce within `search_s` (s).
 
-    Call the function in a thread of its own. In a thread with a running event loop, such as that of a notebook,
-    zeroconf would use this loop, which cannot run while the thread waits here.
+    Call this function in a thread without an event loop of asyncio. In a notebook, the main thread has such a loop. The
+    library zeroconf would use this loop, and would wait forever, because the loop stands still while this function
+    waits.
     """
     services: dict[tuple[str, str], None] = {}
 
@@ -125,10 +126,10 @@ def _instrument(host: str, announced: _Announced) -> LanInstrument:
 
 
 def _address(host: str, ports: dict[str, int], recognised: Recognised | None) -> str:
-    """Return the VISA resource through which the instrument at `host` can be opened.
+    """Return the VISA resource by which the instrument at `host` can be opened; empty if it announced none.
 
-    The resource is a socket if `ports` or `recognised` contains its TCP port, otherwise HiSLIP, otherwise VXI-11. The
-    result is empty if the instrument announced none of the three.
+    `ports` contains the announced ports by kind of service. A TCP socket is preferred, then HiSLIP, then VXI-11. The
+    port of the socket comes from `ports` or, if it was not announced, from the description `recognised` of the model.
     """
     if port := ports.get(RAW) or (recognised.port if recognised else 0):
         return f"TCPIP::{host}::{port}::SOCKET"

@@ -45,7 +45,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
     StartTransientUnit in org.freedesktop.systemd1(5), which systemd-run --scope uses; loginctl(1), enable-linger.
     """
     busctl = shutil.which("busctl")
-    if busctl is None or not _ends_with_the_session_anyway():
+    if busctl is None or not _lasts_as_long_in_a_scope():
         return False
     properties = ["2", "Description", "s", description, "PIDs", "au", "1", str(os.getpid())]
     call = [
@@ -64,7 +64,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
     return done.returncode == 0
 
 
-def _ends_with_the_session_anyway() -> bool:
+def _lasts_as_long_in_a_scope() -> bool:
     """Return whether a new scope would last at least as long as this process would last without a new scope.
 
     This is so if the user's systemd, to which the new scope belongs, keeps running after the logout of the user

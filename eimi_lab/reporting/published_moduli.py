@@ -1,8 +1,9 @@
 """Published moduli of common silicones, for a comparison with the identified modulus.
 
 Each modulus is a published number, or is computed from a published number as the field `how` explains. A data sheet
-gives the stress at 100 % strain. This stress is converted to the shear modulus of a Neo-Hookean material with the same
-stress, mu = stress / (2 - 1/4). The result is a mean over large strains and not an initial modulus.
+gives the stress at 100 % strain, that is, at the stretch 2. It is converted to the shear modulus mu of the Neo-Hookean
+material that has the same stress at this stretch: stress = mu (2 - 1/2²). The result is a mean over large strains and
+not an initial modulus.
 """
 
 from __future__ import annotations

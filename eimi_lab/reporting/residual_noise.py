@@ -12,10 +12,9 @@ from eimi_lab.reporting.shown import ShownFit
 
 @dataclass(frozen=True)
 class ResidualNoise:
-    """The verdict on whether the residuals of a fit look like noise.
+    """The verdict on whether the residuals of a fit look like noise: a short answer, and the reason in sentences.
 
-    The fields are a short answer, the reason in sentences, and the sizes (µm) of the random part and the systematic
-    part of the residuals.
+    The residuals consist of a random part and a systematic part, whose sizes (µm) are given as text.
     """
 
     answer: str

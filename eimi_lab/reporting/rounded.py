@@ -48,9 +48,9 @@ def value_and_interval(quantity: Quantity) -> tuple[str, str]:
 
 
 def _places(scale: float, quantity: Quantity) -> int:
-    """Return the number of decimals at which a quantity times `scale` is rounded.
+    """Return the number of decimals with which a quantity, multiplied by `scale`, is written.
 
-    The last decimal is the second significant digit of half the width of the interval.
+    The interval decides: the last decimal is the second significant digit of half the width of the interval.
     """
     low, high = quantity.interval_95
     half = 0.5 * scale * (high - low)

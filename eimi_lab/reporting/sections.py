@@ -16,10 +16,12 @@ def evidence_for_fits(
 ) -> tuple[Evidence, list[tuple[ShownFit, Evidence]]]:
     """Read a dataset as evidence (beam model, loads, edges), once for each section assumption that the fits need.
 
-    A section assumption says how the cross-section is modelled. A bending fit uses the section with which the law was
-    fitted to this dataset. If the law was not fitted to this dataset, the common section of the datasets of the fit is
-    used. A tensile fit uses the section that all bending fits share. If the bending fits have different sections, the
-    section in the specimen file is used.
+    A section assumption (section) says how the cross-section is modelled. The first section that exists in this list is
+    used for a fit:
+
+    1. the section with which the law was fitted to this dataset; 2. the section of all other datasets to which the law
+    was fitted, if they have the same section; 3. the section of all bending fits of the report, if they have the same
+    section; 4. the section in the specimen file.
 
     Parameters
     ----------
@@ -57,10 +59,10 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the model of the cross-section with which a fit is simulated on the dataset with this hash.
+    """Return the section (model of the cross-section) that a fit itself determines for the dataset with this hash.
 
-    Return None for the model that all fits share. This is the case for a tensile fit, and for a fit to other datasets
-    with several sections.
+    This is the section with which the law was fitted to the dataset or, for another dataset, the section of all
+    datasets of the fit. None is returned for a tensile fit, and if the datasets of the fit have different sections.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

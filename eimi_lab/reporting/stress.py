@@ -1,8 +1,9 @@
 """Compute stress against strain of each fit in three modes of deformation, and read the tensile tests.
 
-Uniaxial tension, planar tension and simple shear deform an incompressible material. The deformation depends on one
-number, the strain e. The logarithmic principal stretches are h_i = r_i h(e), with constant ratios r_i whose sum is 0.
-The work done per volume is the strain energy W, so that the engineering stress is
+The three modes are uniaxial tension, planar tension and simple shear of an incompressible material. In each mode, the
+deformation depends on one number, the strain e. The logarithmic principal stretches are h_i = r_i h(e), with constant
+ratios r_i whose sum is 0, because the volume is constant. The work done per volume is the strain energy W, so that the
+engineering stress is
 
     dW/de = h'(e) Σ r_i ∂W/∂h_i
 
@@ -135,9 +136,10 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 
 
 def reached(shown: ShownFit, mode: Mode) -> float:
-    """Return the strain of a mode of deformation that corresponds to the largest stretch in the data of a fit.
+    """Return the strain up to which the data of a fit reach in a mode of deformation.
 
-    At this strain, the largest principal stretch equals the largest stretch in the data, including tensile curves.
+    At this strain, the largest principal stretch of the mode equals the largest stretch in the data of the fit, which
+    include tensile curves.
     """
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))

@@ -364,17 +364,20 @@ class AravisCamera:
             aravis.stream_push_buffer(self._stream, buffer)
 
     def _numbered(self, identifier: int) -> int:
-        """Return the number of a frame, and count the frames that were lost before this frame.
+        """Convert the frame number of the camera into a number that never begins again, and count the lost frames.
+
+        The camera counts up to `LARGEST_ID` and then begins at 1 again. The frames whose numbers are missing before
+        this frame are counted in `lost_frames`.
 
         Parameters
         ----------
         identifier : int
-            The frame number of the camera, which begins at 1 again after `LARGEST_ID`.
+            The frame number of the camera.
 
         Returns
         -------
         int
-            A number that continues to increase when `identifier` begins at 1 again.
+            The number of the frame, which increases from frame to frame.
         """
         step = 1 + self._incomplete.total()
         if self._last_id is None:
@@ -411,9 +414,9 @@ class AravisCamera:
 
 
 class _ControlChannel:
-    """A thread that makes calls to a camera one after the other, so that the caller need not wait until they end.
+    """A thread that makes calls to a camera one after the other. The caller of `begin` need not wait for their end.
 
-    Aravis waits up to 5 s for the answer of a camera that was disconnected.
+    This is necessary because Aravis waits up to 5 s for the answer of a camera that was disconnected.
     """
 
     def __init__(self, name: str) -> None:

@@ -57,10 +57,10 @@ def set_up(aravis: Aravis, camera: int, settings: CameraSettings) -> CameraSetti
 
 @contextmanager
 def _named(key: str, value: object) -> Iterator[None]:
-    """Let the message of an error in the `with` block begin with the name of a setting and its value.
+    """Put the name and the value of a setting before the message of an InstrumentError in the `with` block.
 
-    `key` is the name of the setting in the rig file. The message of Aravis alone contains only the camera's own name of
-    the setting.
+    `key` is the name of the setting in the rig file. The message of Aravis contains only the name that the camera gives
+    to the setting.
     """
     try:
         yield
@@ -77,12 +77,12 @@ def _set_pixel_format(aravis: Aravis, camera: int, settings: CameraSettings) -> 
 
 
 def _set_pace(aravis: Aravis, camera: int, settings: CameraSettings) -> tuple[str | None, float | None]:
-    """Set either the trigger or the frame rate, and return the values that are read back.
+    """Set how the exposures are started, by a trigger or at a frame rate, and return the values that are read back.
 
     Returns
     -------
     trigger : str or None
-        The trigger source; None if a frame rate is set.
+        The source of the trigger; None if a frame rate is set.
     frame_rate_Hz : float or None
         The frame rate, Hz; None if the camera is triggered.
     """

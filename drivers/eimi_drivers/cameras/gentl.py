@@ -150,7 +150,10 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first GenICam feature in `names` that can be read from the camera; None if there is none."""
+        """Return the first GenICam feature in `names` that the camera has and lets read; None if there is none.
+
+        Cameras of different makers have different names for the same feature.
+        """
         for name in names:
             if self._nodes.has_node(name) and self._api.is_readable(node := self._nodes.get_node(name)):
                 return node

@@ -151,12 +151,13 @@ class OpenCVCamera:
 
     A separate thread reads the frames, because OpenCV's `read` has no timeout.
 
-    A device without a frame rate: only the newest frame is stored, so that `grab` never returns an old frame. A device
-    with a frame rate: the newest `BUFFERS` frames are stored, and `grab` returns them in the order of their exposure.
-    In both cases `Frame.number` also counts the frames that were discarded. `flush` discards a frame if the time stamp
-    of the frame is earlier than the call, or if the frame was being read during the call.
+    If the source is a device, the thread reads frames all the time. Without a frame rate in the settings, only the
+    newest frame is stored, so that `grab` never returns an old frame. With a frame rate, the newest `BUFFERS` frames
+    are stored, and `grab` returns them in the order of their exposure. In both cases `Frame.number` also counts the
+    frames that were discarded. `flush` discards the frames with a time stamp before the call, and a frame that is being
+    read during the call.
 
-    A recording (video file or images): `grab` returns every frame in order, and `flush` has no effect.
+    If the source is a recording (video file or images), `grab` returns every frame in order, and `flush` has no effect.
 
     The time stamp of a device's frame comes from the computer's monotonic clock; on Linux it is the time stamp of the
     kernel. The time stamp of a video frame comes from the file. The time stamp of an image is its index in the series.

@@ -38,8 +38,9 @@ class PixelFormat:
     bits : int
         The number of bits of one value.
     packing : str
-        "": each value takes whole bytes, little-endian. "p": the values follow each other without unused bits, least
-        significant bit first. "Packed": two values in three bytes, as GigE Vision defines it.
+        How the values are stored. "": each value takes whole bytes, little-endian. "p": the values follow each other
+        without unused bits, least significant bit first. "Packed": two values share three bytes, as GigE Vision defines
+        it.
     """
 
     kind: str

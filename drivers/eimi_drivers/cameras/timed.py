@@ -25,7 +25,7 @@ _callers: list[threading.Thread] = []
 
 
 def calls_under_way() -> bool:
-    """Return whether any thread that calls a camera is still running, after a wait of at most 0.1 s for each thread."""
+    """Return whether a call of any camera still runs in its thread, after waiting at most 0.1 s for each thread."""
     for caller in _callers:
         caller.join(LOOK_EVERY_S)
     return any(caller.is_alive() for caller in _callers)
@@ -58,9 +58,9 @@ class TimedCamera:
             `time.monotonic`. For a simulated camera it is `time.process_time`, so that the load of the computer causes
             no timeout.
         meanwhile : callable, optional
-            A function that is called repeatedly in the caller's thread while a call of the camera runs. The function
-            may raise an error. The present call of the camera then continues in its thread, and the next call waits
-            until the present call has ended.
+            A function that is called repeatedly while a call of the camera runs. If it raises an error, the caller gets
+            the error at once. The call of the camera then continues in its thread, and the next call first waits until
+            it has ended.
 
         Raises
         ------

@@ -226,9 +226,9 @@ class AimTtiDialect:
                 self._events |= COMMAND_ERROR
 
     def _obey(self, accepted: bool) -> None:
-        """Store an error if a command was not accepted.
+        """Store an error if the supply did not accept a command; `accepted` tells whether it did.
 
-        The error is `LOCKED_OUT` if a person uses the front panel. Otherwise the error is "out of range".
+        The error is `LOCKED_OUT` if a person uses the front panel, and otherwise the error for a value out of range.
         """
         if not accepted:
             self._refuse(LOCKED_OUT if self.supply.locked else self.model.out_of_range)

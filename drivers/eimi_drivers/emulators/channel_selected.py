@@ -143,10 +143,10 @@ class RigolDp800Dialect(_ChannelSelected):
 
 
 class KeysightE3631ADialect(_ChannelSelected):
-    """Emulated E3631A with the outputs 1 (+6 V), 2 (+25 V) and 3 (-25 V), which have one common switch.
+    """Emulated E3631A with the outputs 1 (+6 V), 2 (+25 V) and 3 (-25 V), which are switched on and off together.
 
-    While tracking is on, the voltage of output 3 is the negative voltage of output 2, and setting one of the two
-    voltages sets both. The ranges of the real outputs are not emulated. Source: Agilent E3631A User's Guide
+    While tracking is on, the voltage of output 3 is always the negative voltage of output 2: setting one of the two
+    voltages also sets the other. The ranges of the real outputs are not emulated. Source: Agilent E3631A User's Guide
     (E3631-90002, October 2007): APPLy page 73, selection page 74, measurements page 76, outputs and tracking page 77.
     """
 

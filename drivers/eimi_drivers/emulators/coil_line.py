@@ -1,8 +1,8 @@
 """Send the true current of an emulated coil to a virtual beam in another process.
 
-The current is sent over a separate connection, because the connection of the supply has only one user at a time, and
-carries the values of the meters instead of the true current. The answer to every received newline is the current in
-amperes and a newline.
+The program that simulates the beam needs the true current. It cannot ask the emulated supply, because the supply has
+only one user at a time and answers with the values of its meters. Therefore a separate connection is served: the answer
+to every received newline is the true current in amperes and a newline.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ SOURCES = {"REMOTE": "Ethernet", "ETHERNET": "Ethernet", "FRONT": "Front", "LOCA
 class DeltaPscEthDialect(ScpiDialect):
     """Emulated SM supply with a PSC-ETH card, whose set-points come from the front panel after power-up.
 
-    A received set-point acts on the output only if Ethernet was selected as the source of the set-points. Every message
-    restarts the watchdog, a timer that switches the output off. The emulator checks the time of the watchdog only
-    when a message arrives. A caller can check the time between messages with `watch`.
+    The supply stores every set-point that it receives, but applies it to the output only after a message has selected
+    Ethernet as the source of the set-points. Every message restarts the watchdog, a timer that switches the output off.
+    The emulator checks the watchdog only when a message arrives. Between messages, a caller can check it with `watch`.
     """
 
     identification = "DELTA ELEKTRONIKA BV,SM70-22,EMULATED,P0102"

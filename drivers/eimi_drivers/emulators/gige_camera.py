@@ -87,8 +87,7 @@ def serve_gige(
     shutter : str
         The kind of shutter that the camera reports: "Global" or "Rolling".
     triggers_per_s : float
-        The number of times per second at which the camera checks for a software trigger, Hz. Triggered frames cannot
-        have a higher rate.
+        How often the camera checks for a software trigger, Hz. This is also the highest rate of triggered frames.
 
     Yields
     ------

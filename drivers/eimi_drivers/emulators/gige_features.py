@@ -140,7 +140,9 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 
 
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
-    """Return the XML of a number that is computed from a register.
+    """Return the XML of a feature whose number is computed from the integer in a register of the camera.
+
+    GenICam converts in both directions with two formulas.
 
     Parameters
     ----------
@@ -149,11 +151,11 @@ def _converted(name: str, address: int, to_register: str, from_register: str, sm
     address : int
         The address of the register.
     to_register : str
-        The formula for the value of the register. In this formula the number is called FROM.
+        The formula for the integer in the register. It contains the number of the feature as FROM.
     from_register : str
-        The formula for the number. In this formula the value of the register is called TO.
+        The formula for the number of the feature. It contains the integer in the register as TO.
     smallest, largest : int
-        The bounds of the register.
+        The bounds of the integer in the register.
     """
     return (
         f'<Float Name="{name}"><pValue>{name}Converter</pValue></Float>'

@@ -19,9 +19,9 @@ class KoradDialect:
     supply : CoilSupply
         The model of the supply and its coil.
     fuse_within_s : float
-        The shortest time between two messages, s. If the time is shorter, both messages are lost, and the effect of the
-        first message is undone. With the default 0 no message is lost. Other values work only in the same process,
-        because a pseudo-terminal does not preserve the time between messages.
+        The shortest time between two messages that the supply understands, s. If a message comes earlier, it is lost
+        together with the previous message, whose effect is undone. With the default 0 no message is lost. Other values
+        work only in the same process, because a pseudo-terminal does not preserve the time between messages.
     protection_bit : int
         The bit of the status byte that reports a trip: 0x20 or 0x80, depending on the firmware.
     """

@@ -126,7 +126,11 @@ class ScpiDialect:
         return header, argument.strip()
 
     def _shortened(self, line: str) -> str:
-        """Return a message with the words of its header in short form and without the optional words."""
+        """Return a message in the form of the keys of `questions` and `commands`.
+
+        Each word of the header has its short form, and words that SCPI allows to leave out are left out if only this
+        gives a known header.
+        """
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""
         words = [_SHORT.get(word, word) for word in header.removesuffix("?").split(":")]

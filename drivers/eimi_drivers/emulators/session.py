@@ -102,10 +102,10 @@ class EmulatedSession:
         return serve_pty(self._line) if self._fault is None else serve_port(self._line, f"ttyEMULATED{ports}")
 
     def _watch(self) -> None:
-        """Begin the fault at its time, and report changes of the current.
+        """Begin the fault at its time, and report changes of the current, while the supply is served.
 
-        The method returns only with the fault REENUMERATE, after which the supply must be served at another address.
-        With this fault it returns when the line of the supply is cut.
+        The method returns only for the fault REENUMERATE (the port gets another name): when the line of the supply is
+        cut, the caller has to serve the supply at another address.
         """
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):

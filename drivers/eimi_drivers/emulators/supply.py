@@ -156,8 +156,8 @@ class CoilSupply:
     def coil_current_at_A(self, time_s: float) -> float:
         """Return the true current in the coil at a past time, A.
 
-        For a time before the last change of the state, the result is the current at this change. While a fault changes
-        the current, the result is the present current.
+        The model stores only its last change, for example the last set-point. For a time before this change, the result
+        is the current at the change. While a fault changes the current, the result is the present current.
         """
         if time_s < self.state.at_s:
             return self.state.coil_current_A
@@ -265,17 +265,17 @@ class CoilSupply:
         )
 
     def output_on(self) -> bool:
-        """Return whether the output is on.
+        """Return whether the output is on, after the protections have been checked.
 
-        A protection whose level is exceeded first switches the output off.
+        If the level of a protection is exceeded, this check switches the output off.
         """
         self._protect()
         return self.state.output
 
     def constant_voltage(self) -> bool:
-        """Return whether the voltage set-point limits the current.
+        """Return whether the supply limits the voltage, so that the current does not reach its set-point.
 
-        This is true if the voltage set-point is below the current set-point times the resistance of the coil.
+        This is so if the voltage set-point is below the current set-point times the resistance of the coil.
         """
         return self.state.set_voltage_V < abs(self.state.set_current_A) * self.resistance_ohm()
 

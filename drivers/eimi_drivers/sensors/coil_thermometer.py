@@ -32,8 +32,9 @@ class CoilThermometer:
     """Sensor for the mean temperature of a copper coil, computed from the voltage and current that the supply measures.
 
     The resistance R of copper is R = R₂₀ (1 + α (T - 20 °C)), where T is the temperature, R₂₀ the resistance at 20 °C,
-    and α = `COPPER_PER_K`. Before the run the coil has the known temperature T₀ and the measured resistance R₀. Then
-    T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The resistance of the leads is assumed to stay constant.
+    and α = `COPPER_PER_K`. Before the run the coil has the known temperature T₀, and its resistance R₀ is measured.
+    Dividing the equations for R and R₀ eliminates R₂₀, so that T = 20 °C + ((R / R₀) (1 + α (T₀ - 20 °C)) - 1) / α. The
+    resistance of the leads is assumed to stay constant.
 
     The resistance is measured only while the current is at least `LEAST_SHARE` times `at_rest_A`. With a smaller
     current `read` returns the last temperature with its time.
@@ -108,10 +109,10 @@ class CoilThermometer:
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the relative standard uncertainty of a resistance due to the limited resolution of the supply's meters.
+    """Return the relative standard uncertainty of a resistance because the meters of the supply show few digits.
 
-    `reading` contains the voltage and the current from which the resistance is computed. A resolution d causes the
-    standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
+    `reading` contains the voltage and the current from which the resistance is computed. If a meter shows steps of the
+    size d, the standard uncertainty of its value is d / √12 (JCGM 100:2008, F.2.2.1).
     """
     return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 

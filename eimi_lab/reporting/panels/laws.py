@@ -98,9 +98,10 @@ def _marked(text: str, held: bool) -> str | Cell:
 
 
 def _remarks(report: ReportContents) -> list[tuple[str, list[str]]]:
-    """Return the label of each fit with the remarks on this fit, without doubts.
+    """Return, for each fit with remarks, its label and its remarks: one line of text each.
 
-    A doubt is a reason to distrust a fit. Doubts are listed separately, because several fits may share a doubt.
+    Doubts (reasons to distrust a fit) are not among the remarks. They are listed separately, because several fits may
+    share a doubt.
     """
     remarks_of_fits = []
     for shown in report.fits:

@@ -27,10 +27,11 @@ _AT_THE_MAGNET = (
 
 
 def along_beam_mm(edge_mm: Array, points_mm: Array, length_mm: float, rigid_mm: float) -> Array:
-    """Return the positions of m measured points along the beam at rest.
+    """Return where m measured points of the bent beam are along the beam at rest, to draw their residuals there.
 
-    For each measured point, the nearest point of the simulated edge is mapped back to the beam at rest. The soft part
-    of the beam is assumed to be stretched uniformly. The rigid part at the tip keeps its length.
+    For each measured point, the nearest point of the simulated edge is taken. Its arc length along the bent edge is
+    converted into a position along the beam at rest: the soft part of the beam is assumed to be stretched uniformly,
+    and the rigid part at the tip keeps its length.
 
     Parameters
     ----------

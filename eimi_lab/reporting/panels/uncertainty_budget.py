@@ -24,9 +24,10 @@ _MOST = 8  # sources with a bar each; the others share a bar
 
 
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
-    """Return the standard deviation (%) of the modulus that each source of uncertainty causes, by name.
+    """Return the contributions to the uncertainty of the modulus: name, and standard deviation in per cent.
 
-    The smaller sources are combined in one entry. The last entry is the standard deviation due to noise and mesh.
+    Each large source of uncertainty has an entry. One entry combines the smaller sources (root sum of squares). The
+    last entry is the contribution of noise and mesh.
     """
     rows = [(entry_words(entry, fit), entry.effect_percent) for entry in fit.budget[:_MOST]]
     smaller = [entry.effect_percent for entry in fit.budget[_MOST:]]
@@ -41,7 +42,7 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw axes for each fit, with a bar for the part of each source of uncertainty in the error of the modulus."""
+    """Draw bars for each fit: the standard deviation of the modulus that each source of uncertainty causes."""
     rows = [shares(fit) for _, fit in fits]
     drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
     grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])

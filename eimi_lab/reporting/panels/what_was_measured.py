@@ -120,10 +120,10 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """Return a function that returns, for a key of an input file, the uncertainty given in the file as text.
+    """Return a function that writes the uncertainty of a quantity, whose key in an input file is its argument.
 
-    The text is, for example, ` ± 0.02`. The text is empty for the uncertainty 0, and ` (± not stated)` without an
-    uncertainty.
+    `stated` is the table [uncertainty] of the file. The text is, for example, ` ± 0.02`. It is empty for the
+    uncertainty 0, and ` (± not stated)` for a missing key.
     """
 
     def words(key: str) -> str:
