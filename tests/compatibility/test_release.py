@@ -141,9 +141,9 @@ def test_the_edges_in_frames_of_a_release_are_detected_at_the_same_positions(
 def test_the_checkpoint_of_a_release_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
     """A fit that continues from a checkpoint of the release gives the same numbers as the release.
 
-    A checkpoint is the log of the search for the parameters, with one line for each generation of CMA-ES. The test
-    removes the last generation and the result. A checkpoint is continued only by the versions that its header names.
-    The test therefore writes the present versions into the header.
+    The checkpoint of a fit is a file with one line for each generation of the search (CMA-ES). The test removes the
+    lines of the last generation and of the result, which the fit then computes again. The header of a checkpoint names
+    the versions of the program that may continue the fit. The test writes the present versions into the header.
     """
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})

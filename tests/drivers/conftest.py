@@ -24,9 +24,10 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return the links of all drivers, such as "korad over tcp": a driver and the connection to its emulated supply.
+    """Return the links of all drivers as parameters of a test; a link is a text such as "korad over tcp".
 
-    Links on real ports get the mark slow if `quick` does not contain them.
+    The links in the same process and the links in `quick` are tested in every run. All other links, which use real
+    ports, get the mark slow.
     """
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
@@ -34,9 +35,9 @@ def links(quick: tuple[str, ...]) -> list[object]:
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply for a link such as "korad over tcp"; it yields the address.
+    """Return a function that serves an emulated supply on the port of a link, and yields the address of this port.
 
-    Return None for a link "in process", which needs no port.
+    A link is a text such as "korad over tcp". Return None for a link "in process", which needs no port.
     """
     driver, _, where = link.partition(" ")
 

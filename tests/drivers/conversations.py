@@ -26,9 +26,9 @@ LINE_ENDS = {
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
     """Send the messages of a conversation one after the other, and assert that every answer is the expected one.
 
-    In place of a message, SETTLE waits for 5 s of simulated time, and TRIP lets a protection switch the output off.
-    dialect: name of the supply's driver, which determines the ends of the messages. instrument: the emulated supply,
-    which answers messages. coil: the model of this supply and its coil.
+    An entry of the conversation may also be an event: at SETTLE, 5 s of simulated time pass; at TRIP, a protection
+    switches the output off. dialect: name of the supply's driver, which determines the characters at the end of a
+    message. instrument: the emulated supply, which answers messages. coil: the model of this supply and its coil.
     """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):

@@ -121,7 +121,10 @@ class Library:
 
 
 class AtOnce:
-    """A replacement of the thread for control commands, which makes each call at once unless `hangs` is true."""
+    """A replacement of the thread in which the driver makes calls to the camera.
+
+    It makes each call at once, in the same thread. If `hangs` is true, a call never ends.
+    """
 
     hangs = False
 
@@ -216,7 +219,10 @@ def test_a_camera_on_usb_needs_no_control_of_the_network(library: Library) -> No
 def test_a_camera_that_another_program_controls_is_awaited_for_4_s(
     library: Library, free_after: int, is_opened: bool
 ) -> None:
-    """Each attempt takes 1 s. The last attempt begins when 4 s have passed."""
+    """The driver tries again to open a camera that another program controls, until 4 s have passed.
+
+    In this test each attempt takes 1 s, so that five attempts begin. The camera is free after `free_after` attempts.
+    """
 
     def take_control(device: int) -> None:
         assert device == DEVICE

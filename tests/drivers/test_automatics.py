@@ -1,8 +1,8 @@
-"""Before a camera driver sets the exposure or the gain that a user requests, it switches its automatic control off.
+"""A camera driver switches automatic exposure or gain off before it sets the exposure or gain that a user requests.
 
-Without such a request, the driver leaves the automatic control as it is.
-An automatic control would change the value after the driver has read it back. The tests replace the camera by objects
-that contain only its settings.
+Otherwise the automatic control would change the value after the driver has read it back. If the user requests no value,
+the driver does not change the automatic control. The tests replace the camera by objects that contain only its
+settings.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """A faulty supply driver that switches the output off when the line is closed; `close` must change nothing."""
+    """A faulty supply driver, whose `close` switches the output off; `close` should only close the line."""
 
     def close(self) -> None:
         self._send_output(False)

@@ -29,10 +29,10 @@ STEADY_S = 50.0
 
 
 def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: Any) -> CoilSupply:
-    """Return a supply whose current has been constant for a long time; its coil has 4 ohm and the time constant 0.5 s.
+    """Return a bipolar supply that has driven a constant current through its coil for a long time.
 
-    The supply accepts negative set-points (bipolar). current_A, voltage_V: the set-points. options: further arguments
-    of `CoilSupply`.
+    The coil has 4 ohm and the time constant 0.5 s. A bipolar supply accepts negative set-points. current_A, voltage_V:
+    the set-points. options: further arguments of `CoilSupply`.
     """
     clock = SimulatedClock()
     coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)

@@ -26,9 +26,10 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 
 
 def made(kind: str, **members: Any) -> Any:
-    """Return a driver class of a kind (supply, camera or sensor) with all members of this kind.
+    """Return a driver class of a kind (supply, camera or sensor) that fulfils the contract, except for `members`.
 
-    members: methods and attributes that replace the usual methods and attributes; the value None removes a member.
+    members: attributes and methods of the class, in place of those of the contract. A member with the value None is
+    absent.
     """
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))

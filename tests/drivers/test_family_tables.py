@@ -32,7 +32,7 @@ class Family:
     """The numbers in the manual of one family of supplies.
 
     channels : the lowest and the highest channel
-    off_A : the largest current (A) with which an emulated supply counts as off
+    off_A : the largest measured current (A) with which a supply still counts as off
     line : the speed (bit/s) and the number of stop bits of the serial line
     watchdog_s : the time (s) of the watchdog in the supply; None without a watchdog
     steps : the smallest step of the current set-point (A) and of the voltage set-point (V)

@@ -29,9 +29,10 @@ SWITCHED_OFF = {
 
 
 class ReopenedTransport(InProcessTransport):
-    """A line on which every message fails after the line was cut, until the driver reopens the line.
+    """A line that, once cut, fails at every message until the driver reopens it.
 
-    If the emulated line is cut permanently, reopening raises InstrumentDisconnected.
+    If the fault of the emulated line is permanent, the line cannot be reopened: reopening raises
+    InstrumentDisconnected.
     """
 
     def __init__(self, line: FaultyInstrument, clock: SimulatedClock) -> None:

@@ -299,7 +299,11 @@ def default_interrupt() -> Iterator[None]:
 
 @pytest.fixture
 def serving(monkeypatch: pytest.MonkeyPatch, default_interrupt: None) -> SimpleNamespace:
-    """The camera that the function in the process of a camera serves, and what the function gives to it."""
+    """A replacement for the emulated camera in its process; the tested function of this process serves it.
+
+    The attribute `given` records the arguments with which the camera is served, and `lost` the requests to lose
+    packets.
+    """
     camera = SimpleNamespace(failure=None, lost=[], given=())
 
     @contextmanager
@@ -375,7 +379,10 @@ class Function:
 
 
 def test_every_function_of_the_libraries_is_declared_before_it_is_called() -> None:
-    """Without a declared type, ctypes passes and returns pointers as 32-bit numbers."""
+    """The types of the arguments and of the result of every library function are declared.
+
+    Without a declaration, ctypes would cut a pointer to 32 bits.
+    """
     libraries = Shared(), Shared(), Shared()
     Aravis(*libraries)  # type: ignore[arg-type]
     declared = {name: function for library in libraries for name, function in vars(library).items()}

@@ -20,7 +20,7 @@ from eimi_drivers.supplies.visa import VisaTransport
 
 
 class Rounding(KoradDialect):
-    """An emulated supply that reports its current set-point with an added error of `more_A` (A)."""
+    """An emulated supply that reports a wrong current set-point: the set-point plus `more_A` (A)."""
 
     more_A = 0.0
 

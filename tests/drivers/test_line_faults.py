@@ -1,6 +1,7 @@
-"""After a single fault of the line or of a driver, the output of the supply is off.
+"""Faults of the line between program and supply.
 
-Only one program at a time can use a serial port.
+After a single fault of the line or of a driver, the output of the supply is off. Only one program at a time can open a
+serial port.
 """
 
 from __future__ import annotations

@@ -66,9 +66,9 @@ class Capture:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """A function that opens a camera device or a video file; the replacement `Capture` takes its place.
+    """A function that opens a camera device or a video file as the driver does, without its thread for reading frames.
 
-    The function returns the object with which the driver reads the frames. No thread is started.
+    OpenCV's capture is replaced by `Capture`. The function returns the object with which the driver reads frames.
     """
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     monkeypatch.setattr(cv2, "VideoCapture", Capture)

@@ -184,7 +184,7 @@ def test_a_bit4886_sets_a_current_in_current_mode_only() -> None:
 
 
 class ReopensWhenRead(TextLine):
-    """A faulty sensor driver that raises an error if it is closed twice without a `read` in between."""
+    """A faulty sensor driver: only a `read` opens its line again, and `close` raises an error if the line is closed."""
 
     is_closed = False
 

@@ -152,7 +152,7 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the query of a status register.
+    """Return the message with which a driver asks the supply for the value of a status register.
 
     register: name of the driver, and index of the register in the driver's list of registers.
     """

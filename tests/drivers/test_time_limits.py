@@ -148,9 +148,9 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
-    """The object that serves an emulated supply with a fault, the supply, and the list of the printed texts.
+    """An emulated supply with a fault, in simulated time: the object that serves it, the supply, and the printed lines.
 
-    The time is simulated. 3 s after a current begins to flow, the measured current of the supply gets an offset.
+    The fault begins 3 s after a current has begun to flow: the measured current of the supply gets an offset.
     """
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)

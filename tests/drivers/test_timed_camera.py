@@ -136,9 +136,9 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """If the computer slept during a call of the camera, the run reports the sleep instead of a timeout of the camera.
+    """If the computer sleeps while the run waits for a frame, the error is the pause of the run, not a slow camera.
 
-    The time limit of the call has passed during the sleep, although the camera caused no delay.
+    After the sleep, the time limit of the camera's call has passed too, but the camera has caused no delay.
     """
     inner, now = StubbornCamera("grab"), [0.0]
 

@@ -14,7 +14,10 @@ from eimi_drivers.supplies.address import usb_serial_number
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A link to /dev/ttyACM7 with a name as in /dev/serial/by-id, on a computer with three serial ports."""
+    """The path of a link to the serial port /dev/ttyACM7; its name has the serial number A1, as in /dev/serial/by-id.
+
+    The simulated computer has two USB ports with serial numbers, A1 and B2, and a third port without a serial number.
+    """
     ports = [
         SimpleNamespace(device="/dev/ttyACM7", serial_number="A1"),
         SimpleNamespace(device="/dev/ttyACM8", serial_number="B2"),

@@ -92,10 +92,10 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes faulty methods of a driver, which ignore exceptions of the classes `errors`.
+    """Return a function that makes a faulty method for a driver class, from the name of the method.
 
-    The returned function takes the name of a method. Its result does the same as this method, but returns None
-    instead of raising such an exception.
+    The faulty method works as the right method, but hides exceptions of the classes `errors`: it returns None instead
+    of raising them.
     """
 
     def member(name: str) -> Callable[..., Any]:

@@ -123,9 +123,9 @@ def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
 
 
 def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
-    """A report is the same with workers and without, although the panels are drawn in another order.
+    """A report that several worker processes draw is the same as a report that one process draws.
 
-    A panel is a part of the report; with workers, the panels of the fits are drawn first.
+    The order in which the panels (parts of the report) are drawn differs: workers draw the panels of the fits first.
     """
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]

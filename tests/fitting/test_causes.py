@@ -53,12 +53,15 @@ def fit_of(
     is_rest_measured: bool = False,
     last: int | None = -2,
 ) -> Fit:
-    """Return a fit to the edges of a true beam, which differs from the description in the files that the fit uses.
+    """Return a fit whose input files describe the beam, its loads or the camera wrongly.
 
-    specimen, loads, setup: the true beam, its loads, and the true errors of the camera. stiffness: factor on the
-    stiffness of the true beam, one number for all states or one for each state. stated: the uncertainties in the file.
-    seen: maps true positions to positions in the picture. is_rest_measured: True if the fit uses the shape at rest that
-    the states without a field show. last: end of the slice of the points on each edge; None: the points reach the tip.
+    The edges are simulated with the true `specimen`, `loads` and errors of the camera (`setup`), and with a true
+    stiffness that is `stiffness` times the usual one (one number, or one number for each state). The fit assumes BEAM,
+    LOADS and no error of the camera.
+
+    stated: the uncertainties that the files give. seen: maps true positions to positions in the picture.
+    is_rest_measured: whether the fit uses the shape at rest that the states without a field show. last: end of the
+    slice of the points on each edge; with None, the points reach the tip.
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))

@@ -207,9 +207,10 @@ def estimated(law: str, *seen_so: Experiment) -> Estimate:
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])
 def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_truth(off_mm):
-    """If a wrong length drives a parameter to a bound, the interval contains the result of a fit with the right length.
+    """If a wrong length drives a parameter to a bound, the interval of the modulus still contains the right modulus.
 
-    The length is wrong by two standard uncertainties. The parameter is C01 / (C10 + C01) of the Mooney-Rivlin law.
+    The file gives a length that is wrong by two standard uncertainties. The right modulus is the result of a fit with
+    the true length. The parameter at the bound is C01 / (C10 + C01) of the Mooney-Rivlin law.
     """
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
     edges = noisy_edges(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
@@ -228,9 +229,10 @@ def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_
 
 
 def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
-    """If the law itself is wrong and a parameter is at a bound, the uncertain inputs do not shift the interval.
+    """If the wrong law drives a parameter to a bound, the uncertain inputs do not shift the interval of the modulus.
 
-    A fit of the Mooney-Rivlin law to a Yeoh material drives the parameter C01 / (C10 + C01) to a bound.
+    A parameter can be at a bound because an input, such as the length, is wrong. Here the length is accurate, and the
+    law is wrong: a fit of the Mooney-Rivlin law to a Yeoh material drives C01 / (C10 + C01) to a bound.
     """
     edges = noisy_edges(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
     estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))
@@ -280,9 +282,10 @@ def test_a_wrong_width_favours_no_law(law, parameters):
 
 
 def test_datasets_of_one_specimen_are_compared_with_one_error_of_its_width():
-    """Two datasets of one specimen have the same error of the width; two specimens may have different errors.
+    """Two datasets of one specimen share one error of its width; datasets of two specimens have two errors.
 
-    One beam is wider and one is narrower than its file says, which only two specimens can explain.
+    The edges are those of a wider and of a narrower beam than the file says. Two errors explain these edges, and only
+    the noise remains. One common error cannot explain them, so that large residuals remain.
     """
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
     one, other = (experiment(noisy_edges(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))

@@ -1,6 +1,7 @@
-"""The local optimisation of a fit reaches the optimum on the finer mesh, with which a fit corrects its result.
+"""The local optimisation that ends a fit finds the optimum on the finer mesh of the correction.
 
-This is also the case if the search has ended at parameters that are stable on the coarse mesh only.
+The search before it uses a coarse mesh. The optimum is found even if the search ends at parameters with which the beam
+is stable on the coarse mesh, but has no equilibrium on the finer mesh.
 """
 
 from __future__ import annotations

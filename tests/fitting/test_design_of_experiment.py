@@ -140,10 +140,10 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 
 
 def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
-    """The half-width from noise in a plan is halved if the edges of the earlier fit have four times as many points.
+    """If the edges of the earlier fit have four times as many points, a plan predicts half the half-width from noise.
 
-    Only points that count as independent are counted. The test also compares the half-width with a calculation by hand,
-    in which Student's factor for the four states of the plan is 2.2.
+    Only the number of independent points counts. The half-width is also compared with a calculation by hand, in which
+    Student's factor for the four states of the plan is 2.2.
     """
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))

@@ -24,11 +24,11 @@ LOG_RANGE = np.log(100.0)
 
 
 def effect(moved: list[float], share: float, change: float, least_percent: float = 0.0, name: str = "finer") -> Any:
-    """Return the effect on a fit of a better beam model, such as a finer mesh.
+    """Return the effect of a better beam model, such as a finer mesh, on the result of a fit.
 
-    moved: change of the unknowns at the optimum. share: share of this change that remains uncertain. change: change of
-    the score, the derivative of the log-likelihood with respect to the modulus. least_percent: smallest bound of the
-    remaining error of the modulus (%). name: name of the better model.
+    moved: change of the unknowns (the modulus first) at the optimum. share: share of this change that remains
+    uncertain. change: change of the derivative of the log-likelihood with respect to the modulus. least_percent:
+    smallest bound of the remaining error of the modulus (%). name: name of the better model.
     """
     return SimpleNamespace(
         moved=np.array(moved),
@@ -54,10 +54,11 @@ def test_the_share_of_a_correction_that_remains_uncertain_bounds_the_errors_of_a
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_error_of_the_modulus_is_at_least_that_with_the_other_unknowns_fixed(sign: float) -> None:
-    """The bound of the error of the modulus is at least the bound with all other unknowns fixed.
+    """The bound of the error of the modulus is at least as large as if all other unknowns were fixed.
 
-    With the other unknowns fixed, a score (derivative of the log-likelihood) of 5 and a second derivative of 50 move
-    the modulus by 5 / 50. Half of this change remains uncertain.
+    A better beam model changes the derivative of the log-likelihood by 5. With a second derivative of 50, this moves
+    the modulus by 5 / 50 = 0.1 if the other unknowns are fixed. Half of the change remains uncertain, and the bound is
+    0.05.
     """
     model_errors, modulus_errors = bounds(effect([0.02, 0.0], 0.5, sign * 5.0))
     assert np.hypot(model_errors[0, 0], modulus_errors[0]) == pytest.approx(0.05)

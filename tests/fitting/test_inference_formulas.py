@@ -132,12 +132,11 @@ def comparison(mean_mm: list[float], states: int = 4) -> Any:
 
 
 def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
-    """Return the evaluation of several candidates (sets of parameters) as the search receives it.
+    """Return what the search computes for several candidates (sets of parameters).
 
-    `z` has one row of standardised residuals for each candidate.
-
-    The columns of `z` belong to a row of a tensile curve, a nuisance (an uncertain input) and a prior on the law.
-    mean_mm: the mean error of the edges for each candidate. states: number of states (load steps).
+    mean_mm: mean error of the edges for each candidate. z: three standardised residuals for each candidate, of a row of
+    a tensile curve, of a nuisance (an uncertain input) and of a prior on the law. states: number of states (load
+    steps).
     """
     columns = [np.array(z)[:, k : k + 1] for k in range(3)]
     return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
@@ -578,11 +577,11 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
 
 
 def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
-    """Return minus the log-likelihood with priors, up to a constant, after a step of the two unknowns.
+    """Return minus the log-likelihood with its priors, up to a constant, at a step from the optimum of `about`.
 
-    The first unknown has a weak normal prior, which stands for the bounds of the search. The second unknown is a
-    nuisance (an uncertain input), which deviates by 0.7 standard deviations from its nominal value at the optimum.
-    law_prior: whether the prior on the law is included.
+    `step` contains the changes of two unknowns. The first is a parameter of the law, with a weak normal prior in place
+    of the bounds of the search. The second is a nuisance (an uncertain input), which differs from its nominal value by
+    0.7 standard deviations at the optimum. law_prior: whether the prior on the law is included.
     """
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
@@ -632,10 +631,11 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """The deviance of a profile likelihood with residuals that are linear in two unknowns, and its linearisation.
+    """The deviance of which the ends of intervals are computed (a function), and the linearised residuals behind it.
 
-    Two priors are included: a prior on the law, and a weak prior that stands for the bounds of the search. A candidate
-    (values of the unknowns) is not valid if the first unknown is above 0.9.
+    The deviance is twice the decrease of the log-likelihood from its maximum. The residuals are linear in two unknowns.
+    There is a prior on the law, and a weak prior in place of the bounds of the search. A candidate (values of the
+    unknowns) whose first unknown is above 0.9 is not valid.
     """
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
@@ -926,9 +926,10 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return a trial point for the upper end of an interval; the interval belongs to the first of two coordinates.
+    """Return one step in the search for the upper end of an interval, at which the deviance is 4.
 
-    The trial point is at 0.6, and the optimum is at 0.5. changed: attributes with other values.
+    The interval is that of the first of two coordinates. Its optimum is at (0.5, 0.5), and the present point of the
+    search is (0.6, 0.5). changed: attributes with other values.
     """
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))
@@ -954,10 +955,10 @@ def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at:
 
 
 def test_an_interval_ends_where_the_quadratic_deviance_reaches_its_target() -> None:
-    """An interval ends at the point at which the deviance, minimised over the other coordinate, reaches its target.
+    """An interval ends where the deviance, minimised over the other coordinate, reaches its target, here 4.
 
-    The deviance is x' H x with two coordinates x, counted from 0.5. For the first coordinate u, its minimum over the
-    second coordinate is 300 u^2.
+    The deviance is d = 400 u² + 200 u v + 100 v², where u and v are the two coordinates minus 0.5. For a given u it is
+    least at v = -u, where d = 300 u². The interval of the first coordinate therefore ends at u = ± sqrt(4 / 300).
     """
     hessian = np.array([[400.0, 100.0], [100.0, 100.0]])
 

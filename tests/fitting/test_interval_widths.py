@@ -42,9 +42,10 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return correlated noise of unit variance, shape (draws, K, 2, m): K states, left and right edge, m points.
+    """Return noise of unit variance that is alike at neighbouring points and states, shape (draws, K, 2, m).
 
-    The noise is the moving mean of white noise over `along` points and `states` states.
+    The axes are: repetition, K states, left and right edge, m points. The noise is the mean of white noise over `along`
+    neighbouring points and `states` neighbouring states, scaled to unit variance.
     """
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
@@ -252,7 +253,7 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
 
 
 def test_only_its_prior_limits_an_estimated_input() -> None:
-    """A deviation by one standard deviation of the prior raises the objective equally for every estimated input.
+    """If an estimated input deviates by the standard deviation of its prior, its standardised residual is 1.
 
     An estimated input is an uncertain input that the fit determines together with the law.
     """

@@ -29,13 +29,15 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """Return (rotation, x, y) at the tip of an inextensible rod that is clamped at 0; rad and mm.
+    """Return (rotation in rad, x and y in mm) at the tip of an inextensible elastic rod that is clamped at 0.
 
-    All loads are for each mm of depth. couple: function from the rotation to the moment for each mm of length (N/mm).
-    dead: force (x, y) for each mm of length (N/mm²). pressure: value (N/mm²), start and end (mm) on the side below the
-    rod; the curvature makes this side longer or shorter than the rod by half the width times the curvature. force:
-    force (x, y) at the tip (N/mm). end_couple: function from the rotation of the tip to the moment at the tip (N). The
-    solution is found by shooting from the clamp, with five steps of all loads.
+    The rod is one mm deep, so that forces are given in N/mm, for each mm of depth. couple: moment for each mm of length
+    (N/mm), a function of the rotation. dead: force (x, y) for each mm of length (N/mm²). pressure: pressure (N/mm²) on
+    the side below the rod, and the lengths (mm) between which it acts. A bent rod of finite width has a longer or
+    shorter lower side, by half the width times the curvature. force: force (x, y) at the tip (N/mm). end_couple: moment
+    at the tip (N), a function of the rotation of the tip.
+
+    The forces and the moment at the clamp are found by shooting, with the loads increased in five steps.
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])

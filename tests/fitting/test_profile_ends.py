@@ -21,10 +21,10 @@ HALF = np.array([0.05, 0.1])
 
 
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
-    """Return a function from candidates to their deviances and half of the gradients of the deviances.
+    """Return the deviance as a function of candidates, shape (n, 2), from one function `parts` for each coordinate.
 
-    A deviance is the sum of `parts`, one function for each coordinate, which takes the distance of this coordinate from
-    the optimum.
+    The deviance is the sum of the parts, each at the distance of its coordinate from the optimum. The returned function
+    gives the deviances and half of their gradients.
     """
 
     def deviance(units: Array) -> tuple[Array, Array]:
@@ -129,10 +129,11 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the ends of the intervals of a fit, and the candidates that were evaluated for an open upper end.
+    """Return the ends of the intervals of a fit, and the candidates that were evaluated to check an open upper end.
 
-    The second of the two coordinates belongs to the bulk modulus if `has_bulk` is true. high: upper end of its interval
-    before the candidates are evaluated. values: the deviances of the candidates. An end has the deviance 1.
+    The fit has two coordinates; the second belongs to the bulk modulus if `has_bulk` is true. An end should have the
+    deviance 1. high: upper end of the second coordinate before the check. values: the deviances of the candidates, in
+    the order in which they are evaluated.
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

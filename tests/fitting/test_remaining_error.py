@@ -26,10 +26,10 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum of a fit and the effects of a correction that is made in several passes.
+    """Return the optimum, and the effects of the correction by the solid model, of a fit that needs several passes.
 
-    Each pass computes the correction at the present optimum and then a new optimum. optima: the optimum after each
-    pass. The optimum before the first pass is 0.
+    In each pass, the correction is computed at the present optimum, and the fit is repeated. `optima` holds the optimum
+    after each pass, in place of a real fit. The optimum before the first pass is 0.
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(

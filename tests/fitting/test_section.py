@@ -204,10 +204,11 @@ def test_without_a_depth_effect_the_planar_model_predicts_the_next_solid_state(m
 
 
 def test_a_solid_far_from_its_planar_model_is_solved_in_load_steps_on_request():
-    """With the method "follow", a solid that differs much from its planar model is solved in load steps.
+    """The method "follow" solves a solid in load steps if its shape differs much from the shape of its planar model.
 
-    The loads of the states are not proportional, so that every state is solved separately. If the planar model is
-    close, "follow" needs no additional solution.
+    The method "interpolate" fails for such a solid. The states of this test have loads that are not proportional, so
+    that every state is solved separately. If the shape of the planar model is close, "follow" needs no additional
+    solution.
     """
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)

@@ -14,11 +14,11 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the picture (x, y) of n points by a pinhole camera that is rotated about the centre, shape (n, 2).
+    """Return the picture (x, y) of n points by a pinhole camera that is tilted about the centre, shape (n, 2).
 
-    places: points (right, down, away) in mm, shape (n, 3). tilt_deg: rotations about the downward axis and about the
-    axis to the right. The first rotation brings the right side nearer; the second rotation brings the lower side
-    nearer. The picture is in mm at the distance of the centre.
+    places: the points in mm, shape (n, 3): right, down and away from the camera. tilt_deg: rotation about the downward
+    axis, which brings the right side nearer to the camera, and rotation about the axis to the right, which brings the
+    lower side nearer. The result is in mm at the distance of the centre.
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]

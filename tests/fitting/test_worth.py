@@ -139,10 +139,11 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """In simulated measurements with random errors of all uncertain inputs, enough intervals contain the truth.
+    """About 95 % of the intervals of simulated fits contain the true modulus, although all inputs have random errors.
 
-    With a probability of 1 in 1000, fewer than 6 of 8 or 88 of 100 correct 95 % intervals contain the truth. The short
-    test uses neo-Hookean beams, one of them with a solid section; the long test uses all laws.
+    The test requires 6 of 8 intervals, or 88 of 100 in the long test. Correct 95 % intervals fail this with a
+    probability of 1 in 1000. The short test uses neo-Hookean beams, one of them with a solid section; the long test
+    uses all laws.
     """
     numbers = (0, 4, 8, 12, 16, 20, 24, 36) if experiments == 8 else range(experiments)
     coverage = row("all", [outcome(Case(number, seed=7)) for number in numbers])

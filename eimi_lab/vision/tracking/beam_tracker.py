@@ -193,9 +193,9 @@ class BeamTracker:
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
         """Search for the beam near a curve, and return the centre line of the beam; None if too few points are found.
 
-        At each point of the curve, the search finds the strip that is as wide as the beam and differs most in grey
-        level from the picture on both sides of the strip. reach: largest distance of this strip from the curve, in
-        beam widths.
+        At each point of the curve, a strip as wide as the beam is shifted across the curve, by at most `reach` beam
+        widths. It is placed where its grey level differs most from the grey levels on both of its sides. The centre
+        line is fitted to the middles of the strips.
         """
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)
@@ -224,7 +224,10 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return the largest motion (px) of a point of the beam since the last frame, as a bound of the blur."""
+        """Return the largest motion (px) of a point of the beam from the last frame to `curve`.
+
+        The motion during an exposure, which blurs the edges, is at most as large.
+        """
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 

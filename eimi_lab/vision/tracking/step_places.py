@@ -65,9 +65,11 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Return, for each profile across the beam, the shift at which a band contrasts most with both of its sides.
+    """Return, for each profile across the beam, the place of the beam as the shift of a band with the largest contrast.
 
-    A profile contains the grey values along a line. A band is an interval of the profile that is as wide as the beam.
+    A profile contains the grey values along a line across the beam. The band is an interval of the profile that is as
+    wide as the beam. It is shifted along the profile to the place where its mean grey value differs most from the mean
+    grey values beside it.
 
     Parameters
     ----------

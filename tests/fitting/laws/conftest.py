@@ -31,10 +31,10 @@ class Row:
         Relative tolerance within which a tensile fit returns the parameters of a simulated curve. None if the fit only
         reproduces the curve.
     refused
-        Names of the programs that have no card for the law.
+        Names of the finite-element programs for which the law has no material card (input of the program).
     volume_pressure
-        Pressure as a function of the bulk modulus and the volume ratio J, from the volume term of the cards of Abaqus
-        and CalculiX.
+        Derivative dU/dJ of the volume energy U in the cards of Abaqus and CalculiX, as a function of the bulk modulus
+        and the volume ratio J.
     """
 
     law: Law

@@ -118,10 +118,10 @@ def test_calculix_uses_the_volume_term_that_the_card_contains(tmp_path: Path, ro
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Return the engineering stress (Pa) of a compressible material in uniaxial tension, whose sides carry no stress.
+    """Return the engineering stress (Pa) of a compressible material at a stretch along one axis, with free sides.
 
-    chosen: the material. pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative of the
-    card's volume energy (Pa). stretch: the stretch along the tension.
+    chosen: the material. pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative dU/dJ
+    of the card's volume energy U (Pa).
     """
 
     def kirchhoff(side: float) -> np.ndarray:

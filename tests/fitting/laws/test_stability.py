@@ -25,9 +25,10 @@ def definite(law: Law, parameters: np.ndarray, log_stretches: np.ndarray) -> np.
 
 
 def grid_limit(law: Law, parameters: np.ndarray, most: float) -> tuple[float, float]:
-    """Return two stretches of a grid: the last one up to which the law is stable, and the first unstable one.
+    """Return the last stretch up to which a law is stable, and the first unstable stretch, by a search on a grid.
 
-    If the law is stable up to the largest stretch `most`, they are `most` and inf.
+    At each stretch of the grid, all isochoric states whose largest principal stretch has this value are checked. If the
+    law is stable up to the last stretch of the grid, `most`, the result is `most` and inf.
     """
     largest = np.linspace(0, np.log(most), GRID)[:, None]
     share = np.linspace(-0.5, 1, SHARES)
@@ -57,10 +58,10 @@ def test_the_limit_agrees_with_a_dense_grid(row, data):
 
 
 def smallest_stiffness_near(law: Law, parameters: np.ndarray, limit: float) -> float:
-    """Return the smallest eigenvalue of the Hessian, divided by the largest, at stretches up to 1 % beyond `limit`.
+    """Return how small the stiffness becomes near the limit of stability; the result is about zero if `limit` is right.
 
-    The stretch is the largest of three principal stretches of an isochoric state. A result near zero shows that
-    `limit` is the largest stretch up to which the law is stable.
+    The stiffness is the smallest eigenvalue of the Hessian of the energy, divided by the largest. The minimum is taken
+    over isochoric states whose largest principal stretch is between `limit` and 1 % more.
     """
     largest = np.log(max(limit, 1.0)) + np.linspace(0, 0.01, 40)[:, None]
     share = np.linspace(-0.5, 1, 4001)

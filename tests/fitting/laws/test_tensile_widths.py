@@ -19,11 +19,11 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """The half-width is t sigma sqrt(tau) / |slope|, as linear least squares give it for correlated residuals.
+    """The half-width of the interval of the modulus is t sigma sqrt(tau) / |s|, as in linear least squares.
 
-    slope is the vector of the derivatives of the stresses with respect to the modulus. t is Student's factor for n/tau
-    - 1 degrees of freedom. n is the number of rows of the curve, and tau the number of rows that count as one
-    independent row. sigma² is the sum of the squared residuals divided by n - 1.
+    The curve has n rows. s is the vector of the n derivatives of the stress with respect to the modulus. The residuals
+    of neighbouring rows are correlated, and tau rows count as one independent row. t is Student's factor for n/tau - 1
+    degrees of freedom, and sigma² is the sum of the squared residuals divided by n - 1.
     """
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
@@ -45,9 +45,9 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """In a fit of three Ogden terms to a curve of one term, the moduli of the absent terms have finite intervals.
+    """If a fit sets the modulus of an Ogden term to zero, the interval of this modulus still has a width.
 
-    Such an interval is as wide as the largest modulus that the noise could hide.
+    The true curve has one of three terms. The interval is as wide as the largest modulus that the noise could hide.
     """
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)

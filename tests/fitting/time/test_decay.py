@@ -35,8 +35,8 @@ def recorded(
 
     loss: loss factor. seconds, rate_Hz: duration and frame rate. amplitude_mm: amplitude at the tip. sigma_mm: standard
     deviation of the noise. drift_mm_s: velocity of a steady sideways drift. hidden: share of the positions that are
-    missing (NaN). row_s: time between the exposures of the first and the last point (s). rising_loss: growth of the
-    loss factor in each of the first two seconds.
+    missing (NaN). row_s: time (s) between the exposures of the first and the last point, as with a rolling shutter.
+    rising_loss: by how much the loss factor rises in each second, during the first two seconds.
     """
     rng, points = np.random.default_rng(seed), 10
     x = np.linspace(6, LENGTH_MM, points)

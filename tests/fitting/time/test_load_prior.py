@@ -1,6 +1,8 @@
-"""In the fit of a viscoelastic (Prony) law, an unknown factor multiplies the magnetic loads; its prior is right.
+"""The fit of a viscoelastic (Prony) law takes the uncertainty of the magnetic loads into account.
 
-The prior contains the given uncertainty of the magnetic moment, and affects the moduli of the Prony law.
+The fit has an additional unknown: a factor that multiplies the magnetic loads. The standard deviation of its prior
+follows from the given uncertainties of the magnetic moment and of the coil constant. An uncertain factor makes the
+moduli of the Prony law uncertain.
 """
 
 from __future__ import annotations
@@ -46,10 +48,10 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """A simulated measurement of ln(modulus / MODULUS_PA) + `of_load` ln(load factor), with normal noise.
+    """A replacement for measured data, which depends on the modulus and on the factor of the magnetic loads only.
 
-    of_load: the exponent with which the load factor changes the measured quantity. mean, sigma: measured value and
-    standard deviation.
+    It measures ln(modulus / MODULUS_PA) + of_load · ln(factor). mean, sigma: the measured value and its standard
+    deviation.
     """
 
     of_load: float

@@ -1,4 +1,7 @@
-"""Static states of several runs count with the ages at which their edges were measured, each in its own run."""
+"""In a fit to static states of several runs, each state counts with its age, also if the runs have different dwell times.
+
+The age is the time from the load step to the measurement of the edges. The stress relaxes during this time.
+"""
 
 from __future__ import annotations
 

@@ -14,11 +14,12 @@ WEIGHT = 0.68  # mass of the weight over the mass that moves with the tip
 
 
 def coupled(ratio: float, sideways: float, swing_mm: float = 0.0) -> np.ndarray:
-    """Return the deflection of the tip (mm) at 100 frames in a second, beside a pendulum that swings in the same plane.
+    """Return the deflection of the tip (mm) of a vibrating beam from which a weight hangs on a thread.
 
-    ratio: frequency of the pendulum divided by the frequency of the beam. sideways: sideways displacement of the upper
-    end of the thread, divided by the deflection of the tip. swing_mm: sideways displacement of the weight at the
-    release.
+    The weight swings like a pendulum in the plane of the vibration. The result has 500 frames, 100 in a second. ratio:
+    frequency of the pendulum divided by the frequency of the beam. sideways: sideways displacement of the upper end of
+    the thread for each mm of deflection of the tip. swing_mm: sideways displacement of the weight when beam and weight
+    are released.
     """
     beam = (2 * np.pi * FREQUENCY_HZ) ** 2 * (1 + 1j * LOSS)
     pendulum = (2 * np.pi * ratio * FREQUENCY_HZ) ** 2
