@@ -151,7 +151,11 @@ BEGAN_S = 100_000.0
 
 
 class DrawnCamera:
-    """A camera of a drawn beam, which swings when the coil's current changes; `event` is called before each frame."""
+    """A replacement for a camera, which draws a beam at a place that follows the current of the coil.
+
+    After each change of the current, the beam swings and comes to rest. `event` is called with the number of each frame
+    before the frame is taken, so that a test can let something happen.
+    """
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:
         self.coil, self.clock, self.draw = coil, clock, draw

@@ -50,10 +50,10 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
 
 
 def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
-    """With a colour camera, the beam is recognised as settled, and the colours are in the dataset.
+    """With a colour camera, a run recognises that the beam is at rest, and stores the colours.
 
-    All colours are equally bright on average. In each frame one of two colours is slightly brighter, so that a choice
-    of the brightest colour in each frame would disturb the comparison of frames.
+    Two colours of the frames are equally bright but for the noise. If each frame were compared in its brightest colour,
+    frames of different colours would be compared, and the beam would seem to move.
     """
     grey = setup.camera.draw
 

@@ -45,9 +45,9 @@ def board_texture(board):
 
 @lru_cache
 def camera_rays(dx, dy, bent):
-    """Return the directions (right, down, away) of the rays through n pixels, shape (n, 3).
+    """Return the direction (right, down, away) of a ray of light for each of the n pixels of the picture, (n, 3).
 
-    dx, dy: displacement of the rays from the centres of the pixels in px. bent: whether the lens has distortion.
+    The ray passes through the point (dx, dy) px beside the centre of the pixel. bent: whether the lens has distortion.
     """
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]

@@ -22,9 +22,10 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 
 
 class Supply:
-    """A replacement for a supply, which takes `exchange_s` (s) for each set-point.
+    """A replacement for a supply in simulated time, whose measured currents are prepared.
 
-    The function `meter` returns the measured current for a set-point and a time.
+    Each set-point takes `exchange_s` (s). The function `meter` gives the measured current (A) from the set-point (A)
+    and the time (s).
     """
 
     limits = Limits(2.0, 10.0)
@@ -156,9 +157,9 @@ def test_swapped_leads_change_the_sign_of_every_current() -> None:
 
 
 def watched(supply: Supply, coil: Coil, seconds: float, **options: Any) -> list[float]:
-    """Let a run watch its coil for some seconds, with a check every 0.1 s; return the times (s) of the measurements.
+    """Call `coil.watch` every 0.1 s for some seconds, as a run does; return the times (s) of its measurements.
 
-    A check measures the current only when the last measurement is old enough. options: arguments of `Coil.watch`.
+    The current is measured only if the last measurement is old enough. options: arguments of `Coil.watch`.
     """
     supply.measured_s.clear()
     supply.checked_s.clear()

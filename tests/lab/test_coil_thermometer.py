@@ -1,4 +1,4 @@
-"""The coil is its own thermometer: its resistance gives its temperature, which is stored and can end the run."""
+"""The temperature of the coil, computed from its resistance, is stored, and can end the run."""
 
 from __future__ import annotations
 

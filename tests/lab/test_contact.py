@@ -1,8 +1,8 @@
-"""A run reports what happened if its supply fails, if the connection to it is lost, or if a signal arrives.
+"""A run notices and reports the failure of its supply, the loss of the connection, and signals.
 
 A run soon detects that the supply is off or does not reply. A dry run and the dataset state what the output of the
-supply does after a lost connection. After a signal of the operating system, such as SIGINT by Ctrl-C, the user gets a
-message: Ctrl-Z is refused, and other signals end the run with the coil off.
+supply does if the connection is lost. A signal of the operating system, such as SIGINT by Ctrl-C, gives a message: the
+run refuses to be suspended by Ctrl-Z, and ends after other signals with the coil off.
 """
 
 from __future__ import annotations

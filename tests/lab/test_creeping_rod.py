@@ -1,4 +1,7 @@
-"""The creep and the vibration of the rod, computed apart, add up to its motion in time."""
+"""The computed motion of a creeping rod agrees with the solution of its equations of motion in time.
+
+`CreepingRod` computes the slow creep and the vibration separately, and adds them.
+"""
 
 from __future__ import annotations
 

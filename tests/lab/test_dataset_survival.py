@@ -54,9 +54,10 @@ except StorageFailed as error:
 
 
 def write_until_full(folder: Path, size: int, states: int = 8, settling: int = 0) -> tuple[int, str]:
-    """Write states until the file has `size` bytes, its largest allowed size; return the number of states and stderr.
+    """Write states to a file that must not become larger than `size` bytes, as on a full disk.
 
-    states: number of states without this limit. settling: number of frames in each state while the beam settles.
+    Return the number of states that were reported as stored, and the text on stderr. states: number of states that the
+    process tries to write. settling: number of frames in each state while the beam settles.
     """
     command = [sys.executable, "-c", WRITE_UNTIL_FULL, str(folder), *map(str, (size, states, settling))]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)

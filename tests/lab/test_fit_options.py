@@ -19,7 +19,7 @@ from eimi_lab.process.errors import InputError
 
 @dataclass(frozen=True)
 class MoreOptions(FitOptions):
-    """The options of `eimi fit`, and one additional option."""
+    """The options of `eimi fit` with one more field, as a developer would add it."""
 
     population: Annotated[int, typer.Option(help="of the search", min=2)] = 8
 
@@ -29,7 +29,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """Take the place of `eimi fit`, and record the options that the command line passes to it."""
+    """A replacement for `eimi fit`, which records the options that the command line passes to it."""
     received.append(options)
 
 

@@ -17,10 +17,11 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table: name of the flag (warning), limit, severity, and the limit beyond which a state is unusable.
+    """A row of the table of quality checks: the flag (warning), and the limits of the measured value.
 
-    below: whether values below the limit get the flag, instead of values above the limit. adds: a value that gives a
-    doubtful state, the standard deviation that this value adds to the points, and the unit of this deviation.
+    severity: the severity of a value beyond `limit`. unusable: the second limit, beyond which a state is unusable.
+    below: whether values below the limits get the flag, instead of values above. adds: an example of a value that makes
+    a state doubtful, the standard deviation that this value adds to the points, and the unit of this deviation.
     """
 
     name: str
@@ -122,7 +123,10 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """A worse value of a quantity that has a flag (warning) never adds a smaller deviation to the points."""
+    """The farther a value is beyond its limit, the larger is the standard deviation that its flag adds to the points.
+
+    A flag is a warning about the edges. The deviation may also stay the same.
+    """
     for check in CHECKS:
         if check.widens is None:
             continue

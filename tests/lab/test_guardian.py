@@ -256,9 +256,10 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 
 
 def check_for(guardian: Guardian, seconds: float) -> None:
-    """Check for some seconds, as a run does, that its guardian (the process that switches the coil off) answers.
+    """Let a run check for some seconds whether its guardian answers.
 
-    One check is not enough, because the run may first have to read earlier reports of a guardian that is now stopped.
+    The guardian is the process that switches the coil off if the run dies. One check is not enough: if the guardian was
+    stopped, the run first reads the reports that the guardian sent before.
     """
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:

@@ -118,10 +118,10 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Send the messages, each with its time (s) from the beginning, and return the decision of the guardian.
+        """Send messages of a run to its guardian; return why the guardian takes over, for which supply, and when (s).
 
-        The empty message ends the run. The result is the reason for which the guardian takes over, the supply to switch
-        off, and the time (s) of the decision. The reason is None if the run ended with the coil off.
+        Each message has its time (s) from the beginning, and an empty message is the end of the run. If the run ended
+        with the coil off, the guardian does not take over, and the reason is None.
         """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
@@ -190,9 +190,10 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 
 
 class Attempts:
-    """A replacement for the attempts to switch the coil off, of which the first raise `errors` in the given order.
+    """A replacement for the function that tries to switch the coil off.
 
-    All later attempts succeed if `succeed` is True; otherwise they raise the last error again.
+    The first calls raise the exceptions `errors`, one after the other. The later calls succeed if `succeed` is true;
+    otherwise they raise the last exception again.
     """
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:

@@ -327,7 +327,10 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument that appends its calls to one list; a call that repeats the last entry is left out."""
+    """An instrument whose calls are recorded as texts in the list `did`, which several instruments share.
+
+    A call that equals the last entry of the list is not recorded again.
+    """
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out

@@ -97,10 +97,10 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 
 
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
-    """If only every n-th frame of a video is imported, each of these frames gets the load that acts on it.
+    """If only every n-th frame of a video is imported, each of these frames belongs to the load that acts at its time.
 
-    The table of loads contains the times or the frame numbers at which each load begins. The video has twelve frames at
-    10 Hz; the second of the two loads ends before the video.
+    A table gives the time or the frame number at which each load begins. The video has twelve frames at 10 Hz. In the
+    first table, the second load ends before the video.
     """
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):
@@ -341,7 +341,10 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
-    """A flat field that is stored with the frames corrects uneven pixels in every later segmentation."""
+    """A flat field is stored in the dataset, and corrects the frames whenever their edges are found again.
+
+    The pixels of this test differ in brightness, so that the edges are different without the correction.
+    """
     gain = 1.0 + 0.1 * np.sin(np.arange(128) / 3.0)
     specimen, calibration = load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml")
     images = {}

@@ -62,11 +62,11 @@ def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexa
 
 @pictures_at_hand
 def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
-    """The border of a tape that covers the beam near the clamp is not continued into the edge of the beam.
+    """In a photograph, the border of a tape near the clamp is not taken for a part of the beam's edge.
 
-    The border of the tape ends before the edge of the beam begins. Three facts suggest that both lines are one edge:
-    the gap between them is only a third of the beam's width long, the opposite edge of the beam is found reliably along
-    the gap, and the beam would be about as wide before the gap as after it. The border must be left out nevertheless.
+    The tape covers the beam near the clamp. Its border ends a third of a beam's width before the visible edge of the
+    beam begins. Two facts suggest wrongly that both are one edge: the opposite edge is found reliably beside the gap,
+    and the beam would be about as wide before the gap as after it.
     """
     picture = PICTURES["silicone_curl"]
     clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))

@@ -1,6 +1,7 @@
-"""A Ctrl-C is always reported: also if a second Ctrl-C follows, and also if it comes during a destructor.
+"""A Ctrl-C always ends the program with a report.
 
-In a destructor, Python ignores the exception that a Ctrl-C raises.
+This is also the case if a second Ctrl-C follows the first, and if the Ctrl-C comes while Python runs a destructor. In a
+destructor, Python ignores the exception that a Ctrl-C raises.
 """
 
 from __future__ import annotations

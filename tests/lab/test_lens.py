@@ -1,4 +1,4 @@
-"""If the calibration does not give the distance of the lens, this distance is estimated from the edges."""
+"""If the calibration does not give the distance from the lens to the beam, it is estimated from the edges."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def sides() -> np.ndarray:
 
 
 def edges_through_lens(sides: np.ndarray, stand_off_mm: float | None, noise_mm: float) -> EdgeObservation:
-    """Return the noisy edges of a beam with depth as a lens shows them: the outline of near and far face together.
+    """Return the noisy edges of a deep beam as a lens shows them: the outline of the near and the far face together.
 
-    sides: edges of the middle plane as in the fixture `sides`. stand_off_mm: distance of the lens; None for a
-    telecentric lens.
+    With an ordinary lens, the near face is larger in the picture than the far face. sides: edges of the middle plane as
+    in the fixture `sides`. stand_off_mm: distance of the lens from the middle plane; None for a telecentric lens.
     """
     if stand_off_mm:
         faces = [np.insert(sides, 2, z, axis=-1) for z in (-0.5 * DEPTH_MM, 0.5 * DEPTH_MM)]

@@ -1,6 +1,6 @@
-"""A straight line is fitted to measured fields at several currents; measured fields and temperatures are imported.
+"""Measured fields and temperatures are imported, and a fit uses them.
 
-A fit then uses the imported values.
+A straight line through the fields at several currents gives the coil constant and the background field.
 """
 
 from __future__ import annotations

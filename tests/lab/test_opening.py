@@ -40,10 +40,11 @@ class Instrument:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A rig with two sensors, and the records of the replacements for lock, guardian, supply and sensors.
+    """A rig with two sensors, in which the lock, the guardian, the supply and the sensors are replaced.
 
-    done: the calls in their order. given: the arguments of each call, by name. missing, broken: names of the
-    instruments that cannot be opened or closed; a test can set them.
+    done: the calls of the replacements in their order. given: the arguments of each call, by the name of the
+    replacement. A test sets `missing` to the name of an instrument that cannot be opened, and `broken` to the name of
+    an instrument that cannot be closed.
     """
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 

@@ -31,10 +31,10 @@ SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return a function that returns the line that a user types, or None if the user types nothing.
+    """Return a replacement for the keyboard: a function that returns the line that a user types, or None for no line.
 
-    The user types `p` in the first state with a current, and presses Enter at the `paused_for`-th question in the
-    pause.
+    The user types `p`, which pauses the run, in the first state with a current. In the pause the function is called
+    again and again; at the call with the number `paused_for`, the user presses Enter.
     """
     looks: list[bool] = []
 

@@ -132,9 +132,10 @@ def test_a_red_beam_on_white_is_detected_and_the_chosen_colour_has_a_name(run: R
 
 
 def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> None:
-    """One mixture of the colours shows the beam in all states, also if one state is darker than the other.
+    """One weighted sum of the colours shows the beam in a bright and in a darker state.
 
-    The pale beam and its green background differ clearly in red (120 and 55), and hardly in green (119 and 113).
+    In the bright state, the beam and its green background differ clearly in red (120 and 55), and hardly in green (119
+    and 113).
     """
     calibration = load_calibration(files / "calibration.toml")
     images = [
@@ -152,10 +153,10 @@ def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> Non
 
 @pytest.mark.parametrize("odd_one", [0, 5])
 def test_the_mixture_of_colours_is_chosen_for_all_states_together(run: Run, files: Path, odd_one: int) -> None:
-    """The mixture of the colours is chosen for all states together, and not for a single state.
+    """The weighted sum of the colours that shows the beam is chosen for all states together.
 
-    Blue distinguishes the beam in five states. In the remaining state red differs more, but the mixture contains no
-    red.
+    In five of six states the beam differs from its background in blue. In the state `odd_one` it differs more in red.
+    Blue is chosen for all states, and the contrast in the state `odd_one` is reported as low.
     """
     pictures = files / "pictures"
     pictures.mkdir()
@@ -256,9 +257,9 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """If a user has clicked points on the beam and no beam is found, the only flag (warning) is NOT_FOLLOWED.
+    """If a user clicked points on the beam and no beam is found, the advice names the options that help the search.
 
-    The advice then concerns the options for the search. It does not concern a back-light or further clicks.
+    The only flag (warning) is then NOT_FOLLOWED. The advice does not ask for a back-light or for more clicks.
     """
     image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
     assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0

@@ -51,9 +51,9 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """A list that collects the recordings that are opened.
+    """The list of the recordings that a test opens; it is empty at first.
 
-    So that the test is quick, the camera does not wait before it shows a picture again.
+    The fixture also removes the wait of the camera before it shows a picture again, so that the test is quick.
     """
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []

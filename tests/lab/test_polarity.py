@@ -47,10 +47,10 @@ def bench(setup: Any) -> Any:
 
 
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
-    """Return a function that plays a user, who swaps the leads and presses Enter when the coil is off.
+    """Return a replacement for a user who swaps the leads of the coil when the run asks for it, and then presses Enter.
 
-    The function returns the typed line, or None if the user types nothing. `answered` collects whether the coil was
-    off.
+    The function returns the typed line, or None if the user types nothing. It adds to `answered`, at each call with the
+    output off, whether the coil is off.
     """
 
     def typed() -> str | None:

@@ -27,9 +27,9 @@ OTHER = replace(FIRST, length_mm=32.0)
 
 
 def evidence(name: str, stated: Specimen, hidden: Specimen, coil: float, *stated_sources: StatedSource) -> Evidence:
-    """Return a dataset whose edges are from the beam `hidden`, although its file describes the beam `stated`.
+    """Return a dataset with simulated edges of the beam `hidden`, whose specimen file describes the beam `stated`.
 
-    coil: true field divided by the field in the file. stated_sources: the uncertainties that the file gives.
+    coil: true field divided by the field in the file. stated_sources: the uncertainties in the file.
     """
     model, loads = BeamModel(hidden), Loads.along(FIELD_MT)
     real = replace(loads, field_T=coil * loads.field_T)

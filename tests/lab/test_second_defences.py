@@ -49,9 +49,9 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 
 
 class FilmedBeam:
-    """A camera whose n-th frame shows a beam at `place_px(n)`, with n counted from the first frame.
+    """A replacement for a camera: its n-th frame shows a beam at the place `place_px(n)`.
 
-    The next `buffered` frames are old: they show the beam at 40 px, until `flush` discards them.
+    If `buffered` is set, so many old frames come first. They show the beam at 40 px, and `flush` discards them.
     """
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
@@ -102,18 +102,19 @@ def test_a_beam_at_rest_is_observed_for_all_pairs_and_for_the_drift_window(frame
 def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
     frame: Callable[..., NDArray[Any]],
 ) -> None:
-    """The run waits for a beam that moves little between two frames but much within the drift window (some seconds).
+    """The run also waits for a beam that moves so slowly that two successive frames show no motion.
 
-    1/50 pixel between two frames is below the limit; 2/5 pixel within the window is above the limit.
+    The beam moves 1/50 px from frame to frame, which is below the limit. Within the drift window of some seconds it
+    moves 2/5 px, which is above the limit.
     """
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
 
 @pytest.mark.parametrize("window_s", [0.05, 2.0])
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
-    """A beam that moves suddenly at every third frame does not count as at rest.
+    """A beam that jumps at every third frame is not at rest.
 
-    Two successive pairs of frames show no motion, but never three.
+    Between two jumps, two pairs of successive frames show no motion. Rest requires more such pairs in a row.
     """
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
@@ -268,9 +269,9 @@ def test_a_run_without_its_guardian_ends_with_the_coil_off() -> None:
 
 
 def test_a_signal_whose_error_was_dropped_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A signal ends the run, also if Python drops the error that the signal raises in a destructor.
+    """A signal ends the run even if Python has lost the exception that the signal raised, as it does in a destructor.
 
-    `raise_if_asked` raises the error again.
+    The run asks again and again whether there was a signal (`raise_if_asked`), which raises the exception once more.
     """
     clock = SimulatedClock()
     supply = Obstinate(0.5, clock)
@@ -342,9 +343,9 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
-    """After a second signal, the set-point is no longer read back; only the commands that switch off are verified.
+    """After a second signal, the run switches off without reading the last set-point back from the supply.
 
-    Reading a set-point back takes most of the time of a step.
+    Reading a set-point back takes most of the time of a step. Only the commands that switch off are still verified.
     """
     clock = SimulatedClock()
     interruption = Interruption()

@@ -102,7 +102,10 @@ def test_a_stored_band_of_pixels_gives_the_same_ratio() -> None:
 
 
 class Swinging:
-    """A camera that is also a clock: its beam moves far in small steps, and is then at rest."""
+    """A replacement for a camera and for the clock: the beam moves in small steps, and is then at rest.
+
+    `shifts_px` holds the displacement of the beam in each frame; the last one is kept.
+    """
 
     def __init__(self, shifts_px: list[float]) -> None:
         self._rng, self._shifts_px, self.taken = np.random.default_rng(6), shifts_px, 0

@@ -43,7 +43,7 @@ def header(files: Path) -> Header:
 
 @pytest.fixture
 def synchronised(monkeypatch: pytest.MonkeyPatch) -> dict[int, bytes]:
-    """The bytes of each file at its last synchronisation with the disk, by the inode number of the file."""
+    """What is on the disk: the contents of each file when it was last synchronised, by the inode number of the file."""
     contents: dict[int, bytes] = {}
     fsync = os.fsync
 

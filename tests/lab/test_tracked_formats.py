@@ -103,10 +103,12 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return n points at rest on Ncorr's grid in px, shape (n, 2), and the two displacement fields of each picture.
+    """Return tracked points in the form in which Ncorr stores them: places on a regular grid, and displacement fields.
 
-    places: the points in each picture in px, shape (pictures, n, 2). spacing: pixels between two points of the grid.
-    pixel: size of a pixel in the unit of the displacements.
+    places: the points in each picture in px, shape (pictures, n, 2). spacing: number of pixels between two points of
+    the grid. pixel: size of a pixel in the unit of the displacements. The result is the n grid points nearest to the
+    points of the first picture in px, shape (n, 2), and for each further picture the displacements along x and y at all
+    grid points.
     """
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []

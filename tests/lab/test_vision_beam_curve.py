@@ -1,4 +1,8 @@
-"""Where the picture does not determine the ends of a beam's curve, the ends stay near the expected curve."""
+"""When a beam is followed from frame to frame, errors near its tip do not add up.
+
+The picture says little about the ends of the curve that describes the beam. The ends are drawn toward the expected
+curve. Large deflections are still followed.
+"""
 
 from __future__ import annotations
 

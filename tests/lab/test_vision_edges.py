@@ -156,7 +156,10 @@ def test_the_computed_deviation_covers_uneven_light_beside_the_magnet():
 
 
 def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
-    """A rod 19 px from the left edge does not disturb the edges, although the slope of the light is measured there."""
+    """A dark rod 19 px beside the beam does not displace the edges of the beam.
+
+    The slope of the back-light is measured at this distance. The rod must not be taken for such a slope.
+    """
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -185,9 +188,10 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """On a narrow beam out of focus, clipping (saturation) is measured within twice the blur from the edge.
+    """A narrow beam out of focus gives edges with the flag DEFOCUS, and no numerical warning.
 
-    The profiles of grey values end there, because they must not reach the other edge of the beam.
+    The profiles of grey values end within twice the blur from the edge, because they must not reach the other edge of
+    the beam. Clipping (saturation) is then measured at the ends of the profiles.
     """
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)

@@ -47,7 +47,11 @@ def scattered(along: Array, seed: int) -> Array:
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
-    """The estimated scatter of a wavy edge is right also where only every tenth point of the edge remains."""
+    """The scatter of the points of a wavy edge is estimated rightly, also where only every tenth point remains.
+
+    In one case this is a part of the edge, in the other case the whole edge is complete. The waves must not be taken
+    for scatter.
+    """
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
     stated = [np.median(estimate_scatter(scattered(along, seed), np.ones(len(along)))[1]) for seed in range(12)]
@@ -85,10 +89,10 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 
 
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
-    """Return a noisy picture that was sampled along and across a beam of 24 px width.
+    """Return a noisy picture of a beam 24 px wide, in the form of a picture that was sampled along the beam.
 
-    colours: grey values without noise, shape (n, 53), for n places along the beam (1/12 of a width apart) and 53 places
-    across it (1/24 of a width apart). turn_rad: rotation of the beam for each width of its length, rad.
+    colours: grey values without noise, shape (n, 53): n stations along the beam, 1/12 of a width apart, and 53 points
+    across it, 1/24 of a width apart. turn_rad: angle (rad) by which the beam turns on each width of its length.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0
@@ -112,7 +116,10 @@ def bright_beam(stations: int) -> Array:
 
 
 def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The pieces of an edge with gaps are joined, and the direction of the edge is measured once for each piece."""
+    """The pieces of an edge with 40 gaps are joined, and the direction of the edge is measured once for each piece.
+
+    If the direction were measured for each pair of pieces, a long edge would take long.
+    """
     measured_directions = []
 
     def svd(*arguments: object, **options: object) -> object:
@@ -152,10 +159,11 @@ def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_
 
 @pytest.mark.parametrize(("region", "moved"), [(130.0, True), (230.0, False)])
 def test_the_stated_width_tells_an_edge_from_the_border_of_a_shadow_in_grey(region: float, moved: bool) -> None:
-    """If the border of a dark region was taken for the edge of a beam, the edge is found by the width in the file.
+    """Beside a shadow in a grey picture, the edge of the beam is found by the width in the specimen file.
 
-    With the border as its edge, the beam would be 1.38 times as wide as its file says. The dark region is then taken
-    for a shadow. If the region is bright, it is no shadow, and the border remains the edge.
+    A dark beam has a region on its right, whose outer border was taken for the right edge. The beam would then be 1.38
+    times as wide as its file says. If the region is darker than the background, it is a shadow, and the edge is moved
+    to the inner border. If the region is brighter than the background, the edge stays at the outer border.
     """
     colours = 250.0 - bright_beam(120)
     colours[:, 38:47] = region

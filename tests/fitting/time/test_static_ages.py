@@ -1,6 +1,7 @@
-"""In a fit to static states of several runs, each state counts with its age, also if the runs have different dwell times.
+"""In a fit to static states of several runs, each state counts with its own age.
 
-The age is the time from the load step to the measurement of the edges. The stress relaxes during this time.
+The age is the time from the load step to the measurement of the edges. The stress relaxes during this time. The runs
+may hold their states for different times.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The computed motion of a viscoelastic beam in time agrees with the theory of small vibrations.
+"""The computed motion of a viscoelastic beam agrees with the theory of small vibrations.
 
-The computation contains inertia and the internal variables of the Prony series.
+The equations of motion contain the inertia of the beam and the internal stresses of its Prony series.
 """
 
 from __future__ import annotations

@@ -48,9 +48,10 @@ def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 @contextmanager
 def rig(files: Path, supply: str, camera: str, source: str) -> Iterator[CoilSupply]:
-    """Serve an emulated supply on a pseudo-terminal, and write rig.toml of the small bench; yield the supply.
+    """Serve an emulated SCPI supply on a pseudo-terminal, and write a rig file with its address; yield the supply.
 
-    files: the folder of rig.toml. supply, camera: names of drivers. source: the source of the camera's frames.
+    files: the folder in which rig.toml is written. supply, camera: names of the drivers in rig.toml. source: where the
+    camera takes its frames from.
     """
     coil = CoilSupply(WallClock())
     with serve_pty(emulate("scpi", coil)) as port:

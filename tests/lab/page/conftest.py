@@ -42,10 +42,10 @@ class Answer:
 
 @dataclass
 class Served:
-    """A page that is being served from a folder.
+    """The dashboard's page while it is served from a folder.
 
-    `ask` sends a request with the token of the page, with another token or, if the given token is empty, without a
-    token.
+    `ask` sends a request with the token of the page. With the argument `X_Eimi_Token`, it sends another token, or no
+    token if the argument is empty.
     """
 
     folder: Path

@@ -110,9 +110,10 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The browser is started with the address of a file; the token is not in its command line, which all users can see.
+    """The browser is started with a file that leads it to the page, because all users can see command lines.
 
-    In this test, a command that writes down its own command line takes the place of the browser (variable `BROWSER`).
+    The file contains the token; the command line does not. In this test, a command that writes down its own command
+    line takes the place of the browser (variable `BROWSER`).
     """
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
@@ -136,7 +137,10 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """A server of another user on the same host receives no token and no cookie when the tab follows a link to it."""
+    """If the tab follows a link to another server on the same host, this server gets no token and no cookie.
+
+    The other server may belong to another user of the computer.
+    """
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -173,9 +177,9 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
 def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """A request whose header gives a length above 64 KiB is refused before its body is read (status 413).
+    """A request that announces more than 64 KiB is refused with the status 413, before its body is read.
 
-    Status 400 means that the body was read and is not valid.
+    A shorter request is read. Its body is not valid here, which gives the status 400.
     """
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)

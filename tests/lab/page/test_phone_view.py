@@ -159,7 +159,10 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
 
 
 def test_the_loupe_is_small_and_lies_beside_the_point(served: Any, phone: Phone, photographs: list[Path]) -> None:
-    """The loupe covers a part of the picture only, on the other side of the picture than the pointer."""
+    """The loupe (a magnified part of the picture) does not hide the place at which the user points.
+
+    It lies on the other half of the picture than the pointer. It disappears if the pointer leaves the picture.
+    """
     (served.folder / "loupe").mkdir(exist_ok=True)
     (served.folder / "loupe" / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())
     page = phone.page

@@ -61,7 +61,10 @@ def open_rod(page: Any) -> None:
 
 
 def test_the_fit_button_fits_the_dataset_on_the_screen_while_it_still_loads(served: Any, tab: Any, rod: Path) -> None:
-    """The Fit button fits the dataset on the screen, not the previous one, even while the list of files still loads."""
+    """The Fit button fits the dataset whose name is on the screen, not the dataset that was shown before.
+
+    The button is pressed while the list of files for the new dataset still loads.
+    """
     page = tab(f"{served.address}#runs")
     page.get_by_text("in control").first.wait_for()
     page.get_by_role("button", name="run.h5").click()

@@ -119,10 +119,10 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each figure of one fit in a report, where the printed numbers come from.
+    """Return, for each figure of one fit in a report, from which stored result each printed number comes.
 
-    The entry of a number has its field in the stored results of the fit, the factor between the field and the printed
-    number, and the unit (`traced`).
+    A number is described by the field in the stored results, the factor from this field to the printed number, and the
+    unit (`traced`).
     """
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
@@ -150,11 +150,11 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each figure that compares the predictions of two laws, where the printed numbers come from.
+    """Return, for each figure that compares two laws, from which predicted value each printed number comes.
 
-    The predictions are invented numbers in `content`. The entry of a printed number has its field in `content`, such as
-    `states.0.field_mT`, the factor between the field and the printed number, and the unit (`traced`). `fit` gives the
-    law of both predictions; the figures show the second law as the law of a tensile fit.
+    The predictions of the two laws are invented numbers. A printed number is described by the place of the invented
+    number, such as `states.0.field_mT`, the factor from this number to the printed number, and the unit (`traced`).
+    Both laws are the law of `fit`; the figures show the second one as the law of a tensile fit.
     """
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],

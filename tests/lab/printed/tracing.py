@@ -84,9 +84,11 @@ def changed(content: Any, path: str) -> Any:
 
 
 def traced(content: Any, printed: Callable[[Any], Texts], skip: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Return, for each text, the source of its numbers in order: field, factor and unit.
+    """Return, for each printed text, from which stored number each of its numbers comes.
 
-    A number that is derived from several fields is listed with these fields and its own value.
+    A printed number that comes from one stored number is listed with the path of the stored number, the factor between
+    the two, and the unit. A printed number that depends on several stored numbers is listed with their paths and with
+    its own value.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Fit a law that eimi_lab does not contain: an energy, the coordinates of its search, and an initial shear modulus."""
+"""Fit a law that eimi_lab does not contain.
+
+The law is a class that gives the energy, the initial shear modulus and the range of moduli to be searched.
+"""
 
 import eimi_lab as eimi
 from eimi_fitting.laws import Coordinate, InvariantLaw
