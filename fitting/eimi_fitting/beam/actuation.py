@@ -1,14 +1,16 @@
 """The interface of an actuation: one kind of load, with its values in every state and its forces on a mesh.
 
-A dead load is a force that keeps its direction and its size. A force f on a node with the displacement u has the
-potential -f . u. Every dead load on the rigid magnet has the potential
+A dead load is a force that keeps its direction and its size. A dead load f on a node with the displacement u has the
+potential -f . u.
 
-    -F . U - Q : R(theta) - M theta.
+The magnet is a rigid body. Let U be the translation of its reference point, theta its rotation in rad, and R(theta) the
+matrix of this rotation. Every dead load on the magnet has a potential of the form
 
-Here U is the translation of the magnet's reference point, theta is the magnet's rotation in rad, and R(theta) is the
-matrix of this rotation. The load is given by a force F (2,), a tensor Q (2, 2) and a moment M. For example, a dipole m
-in a uniform field B has the energy -B . R m, which means Q = B m'. A force f at the distance s from the reference point
-has F = f and Q = f s'. The prime denotes the transpose.
+    -F . U - Q : R(theta) - M theta,
+
+with a force F (2,), a tensor Q (2, 2) and a moment M. Two examples, with ^T for the transpose: a dipole m in a uniform
+field B has the energy -B . R m, so that F = 0, Q = B m^T and M = 0. A force f at the point s (a vector from the
+reference point, at rest) has F = f, Q = f s^T and M = 0.
 """
 
 from __future__ import annotations
@@ -92,7 +94,9 @@ class Places(Protocol):
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return the nodes that share a force at a point (x, y) of the straight strip, and the share of each node.
 
-        The force is distributed evenly in depth.
+        The force is spread evenly through the depth: on a planar mesh it acts at one point, on a solid mesh at m points
+        with the same x and y. Both arrays have the shape (m, n). Row i has the n nodes of the element around point i,
+        and their shares of the force. All shares add up to 1.
 
         The straight strip is a straight beam of constant width, which is mapped to the rest shape.
         """

@@ -19,17 +19,18 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return the bandwidth of the matrix that couples the d unknowns of each of E elements.
+    """Return the largest distance of a nonzero entry of the assembled stiffness matrix from the main diagonal.
 
-    dofs: numbers of the unknowns, shape (E, d); -1 marks an unknown that is fixed.
+    dofs: the numbers of the d unknowns of each of E elements, shape (E, d); -1 for an unknown that is fixed. An entry
+    (i, j) can differ from zero only if i and j are unknowns of the same element.
     """
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
 def _most(run: Indices) -> int:
-    """Return the largest number of elements that contribute to one entry of an assembled matrix.
+    """Return the number of elements that contribute to one entry of the assembled matrix, where this number is largest.
 
-    run: for every contribution, the number of earlier contributions to the same entry.
+    run: the contributions to an entry are numbered from 0; the array has the number of every contribution.
     """
     return int(run.max(initial=0)) + 1
 
@@ -55,8 +56,8 @@ class BandAssembly:
         self.parts = [slice(first, first + size) for first in range(0, elements, size)]
         self.bandwidth = bandwidth(dofs)
         self._block = d * d
-        # For each part of the elements: (source, target, fresh), where no target occurs twice and fresh states that no
-        # element before contributes to it.
+        # For each group of elements, layers (source, target, new): add entry `source` of the element matrices to entry
+        # `target` of the band. No target occurs twice in a layer. `new`: no earlier layer or group has these targets.
         self._layers: list[list[_Layer]] = []
         reached = np.zeros(n * (self.bandwidth + 1), bool)
         for part in self.parts:
@@ -101,9 +102,10 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return the element matrices of consecutive groups of elements, one array for each group, as `matrix` expects.
+        """Return the element matrices in groups, one array for each group of consecutive elements.
 
-        element_matrices: matrices of E elements with d unknowns each, for B candidate laws, shape (E, B, d, d).
+        The result is the argument of `matrix`. element_matrices: the d x d matrices of E elements for B candidate laws,
+        shape (E, B, d, d).
         """
         return (element_matrices[part] for part in self.parts)
 

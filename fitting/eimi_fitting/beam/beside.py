@@ -53,9 +53,9 @@ class SolidOptions:
         Accuracy of the interpolation in mm. No further states are solved if the solved shape in a new state differs
         from the interpolated shape by less than this distance.
     similar : tuple of DepthEffect
-        Depth effects of similar candidate laws. The difference from one of these depth effects is interpolated. If a
-        similar candidate has the same planar shape within ``accuracy_mm``, the depth effect of the similar candidate is
-        used and the solid model is not solved.
+        Depth effects of similar candidate laws. If one of these candidates has the same planar shapes as the new
+        candidate, within ``accuracy_mm``, its depth effect is used and the solid model is not solved. Otherwise, only
+        the small difference between the new depth effect and one of these depth effects is interpolated.
     effect : DepthEffect or None
         The depth effect, if it is already known. Only the planar model is then solved.
     earlier : DepthEffect or None
@@ -117,9 +117,10 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether a planar model has the mesh and the specimen of this planar model, whatever its section is.
+        """Return whether a planar model has the same mesh and specimen as the planar model of this object.
 
-        Its shapes can then be used as `SolidOptions.planar_shapes`.
+        The section of the specimens is not compared. If the result is True, the shapes that were computed with the
+        other planar model can be used as `SolidOptions.planar_shapes`.
         """
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
@@ -227,16 +228,18 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the depth effect, interpolated through as few solved states as possible for the required accuracy.
+        """Return the depth effect, interpolated through as few solved states as the required accuracy allows, or None.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. ``chosen`` is the
-        candidate law, ``flat`` has its planar shapes, and ``lift`` the planar displacements (`_lift`). States are
-        solved one after another in Leja's order: the next state has the largest product of distances from the solved
-        states, with the distances along the scalar s of `beam.depth_effect`. No further state is solved if the last
-        solved shape differed by less than ``accuracy_mm`` from its interpolation through the earlier states.
+        The depth effect is the shape of the solid model minus the shape of the planar model. It is interpolated as a
+        function of a scalar s that measures the bending, see `beam.depth_effect`. ``chosen`` is the candidate law.
+        ``flat`` has the shapes of the planar model in all states, and ``lift`` their displacements (`_lift`).
 
-        Returns None if the loads do not lie on a straight line. Also returns None if Newton's method does not converge
-        in a few steps from the planar shape to the solid shape in one of the states.
+        The states are solved in Leja's order: the next state is the state for which the product of its distances from
+        all solved states is largest. A distance is a difference of s. The loop ends when the shape of the solid model
+        in a new state differs by less than ``accuracy_mm`` from the shape that was interpolated before.
+
+        The result is None if the loads of the states do not lie on a straight line, or if Newton's method needs more
+        than a few steps from the planar to the solid shape in a state that is solved.
         """
         along = _along_ray(loads)
         if along is None:
@@ -358,11 +361,12 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect of the similar candidate law with the most similar bending; None if there is none.
+    """Return the depth effect of a similar candidate law that bends about as far as the new candidate, or None.
 
-    The depth effect is the shape of the solid model minus the shape of the planar model. The scalar s measures the
-    bending. Only depth effects that are valid at all given values s (``places``) are considered. The depth effect is
-    chosen whose largest solved abs(s) is nearest to the largest given abs(s).
+    The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a scalar s
+    that measures the bending. ``places`` has the values of s for the new candidate. Among the depth effects that are
+    valid at all these values, the result is the one whose largest abs(s) is nearest to the largest abs(s) in
+    ``places``.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -370,11 +374,12 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the position of the load of each of K states on a straight line, shape (K,).
+    """Return the position of each of K loads on the straight line through all loads, shape (K,), or None.
 
-    The load of a state is a vector of numbers, such as the components of the field. The line leads from the load of the
-    first state to the load that is farthest from it. The position is 0 at the first and 1 at the farthest load, and may
-    be negative. All positions are 0 if all loads are equal. The result is None if a load does not lie on the line.
+    The load of a state is a vector of numbers, such as the components of the field. The line starts at the load of the
+    first state (position 0) and leads to the load that is farthest from it (position 1). A load on the other side of
+    the first load has a negative position. The result is None if the loads do not lie on a line. If all loads are
+    equal, all positions are 0.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

@@ -5,9 +5,9 @@ rest. F and B are written as complex numbers, F_x + i F_y and B_x + i B_y. The c
 currents and directions of F, and q = 1 at the position of the magnet at rest.
 
 A rigid dipole m at the point x has the energy -m . B(x). The torque on the dipole is m x B(x), and component i of the
-force on it is the sum of m_j dB_j/dx_i over j. A magnet that is much smaller than the coil has the energy of a dipole
-in the middle of the magnet. The next terms of the expansion of the energy contain the second derivatives of B. For a
-cubic magnet these terms add up to zero.
+force on it is the sum of m_j dB_j/dx_i over j. A magnet is replaced by a dipole in its middle. The error of this
+contains the second derivatives of B, which are small if the magnet is much smaller than the coil. For a cubic magnet
+the terms with the second derivatives add up to zero.
 """
 
 from __future__ import annotations
@@ -215,12 +215,13 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """Return the derivatives of the field ratio q by x and y that the gradient causes, complex, (2,) in 1/mm.
+        """The derivatives of the field ratio q by x and y that ``gradient_per_m`` causes, complex, shape (2,), in 1/mm.
 
-        Let s and t be the coordinates along and across the axis of the coil, and B_s and B_t the components of the
-        relative field. The gradient gives dB_s/ds = h and dB_s/dt = g. The field has no curl, so that dB_t/ds = g. It
-        has no divergence, and its derivatives in both directions across the axis are assumed equal, so that dB_t/dt =
-        -h/2.
+        Let s be the coordinate along the axis of the coil and t the coordinate across it, and let B_s and B_t be the
+        components of the field, divided by its strength at the position of the magnet. ``gradient_per_m`` gives the two
+        derivatives of B_s: dB_s/ds = h and dB_s/dt = g. The two derivatives of B_t follow from Maxwell's equations. The
+        field has no curl, so that dB_t/ds = g. It has no divergence, so that the derivatives of the two components
+        across the axis add up to -h. They are assumed to be equal, so that dB_t/dt = -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)

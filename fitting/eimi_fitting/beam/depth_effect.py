@@ -153,12 +153,14 @@ class DepthEffect:
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect without a base, so that it can be the base of another depth effect.
+        """The same depth effect as a function d(s) without a base, so that it can be the base of another depth effect.
 
-        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The result is
-        interpolated through d(s) at the values s at which the base was solved. If ``by_turn``, these values are first
-        scaled so that the first of them equals the first value at which this depth effect was solved. If this depth
-        effect has no solved states, the property is ``base``.
+        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The base is the depth
+        effect of a similar candidate law, to which this object only adds a correction. The result has no base: it is a
+        polynomial through values of d(s), computed at the values s at which the base was solved. If ``by_turn``, these
+        values s are first multiplied by one factor, because this candidate bends more or less than the candidate of the
+        base. The factor is the quotient of the first values s of the two candidates. If this object has no solved
+        states of its own, the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -184,11 +186,12 @@ class DepthEffect:
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect, interpolated through at most ``most`` solved states.
+        """Return this depth effect, interpolated through at most ``most`` of its solved states.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. A value s measures the
-        bending in a state. The values s of the selected states are far apart from each other. A polynomial through many
-        equidistant values s would be inaccurate between these values. ``base`` must be None.
+        The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a scalar
+        s that measures the bending. The first state that is kept has the largest abs(s). Each further state is the one
+        for which the product of its distances in s from the states already kept is largest. A polynomial through many
+        equidistant values s would be inaccurate near the ends of the range. ``base`` must be None.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)

@@ -15,9 +15,10 @@ need one and a half times as many evaluations.
 
 In the shapes of arrays, E is the number of elements, B the number of candidates of the batch, and q the number of Gauss
 points of an element. The first axis of a deformation gradient is the component of the present position, and the second
-axis is the coordinate at rest. The tangent stiffness of the whole batch is computed by one matrix product for each
-element. Its factors are dP/dF, with the first Piola-Kirchhoff stress P, and the products of the derivatives of the
-shape functions at the Gauss points, multiplied by the Gauss weights.
+axis is the coordinate at rest. The tangent stiffness of an element is computed for the whole batch by one product of
+two matrices. The first matrix has dP/dF at the Gauss points for each candidate, with the first Piola-Kirchhoff stress
+P. The second matrix has the products of two derivatives of shape functions, multiplied by the Gauss weights. It is the
+same for all candidates.
 """
 
 from __future__ import annotations
@@ -331,13 +332,17 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the predicted stress after a linear step: components 11, 22, 12, shape (3, E, B, q), in MPa.
+    """Return the stress that a linear step predicts: components 11, 22, 12, shape (3, E, B, q), in MPa.
 
-    The predicted stress is S + D : dE with the derivative D of the stress S by the Green strain. The increment dE of
-    the Green strain follows from the displacement ``step`` (E, B, 2, 9) in mm. In plane strain J C^-1 dp is added, with
-    the determinant J of the deformation gradient F and C = F^T F. The increment dp of the pressure follows from
-    ``pressure_step`` (E, B, 3) in MPa. The mesh has E elements with q Gauss points each, and the batch has B candidate
-    laws.
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. A step changes the
+    displacements by ``step`` (E, B, 2, 9) in mm and the pressures by ``pressure_step`` (E, B, 3) in MPa. These changes
+    give the changes dE of the Green strain and dp of the pressure. The predicted stress is
+
+        S + D : dE + J C^-1 dp,
+
+    with the stress S before the step (second Piola-Kirchhoff), its derivative D by the Green strain, the determinant J
+    of the deformation gradient F, and C = F^T F. In plane stress, ``pressure_step`` is None and the last term is
+    absent.
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

@@ -399,10 +399,11 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add another stiffness to the tangents of the elements, and yield the sums for one group of elements at a time.
+    """Add a further stiffness to the tangent stiffnesses of the elements, and yield the sums, group by group.
 
-    further: function that returns the other stiffness of the elements in a slice, such as the stiffness of the volume
-    or of a magnetic load.
+    tangents: arrays with the tangent stiffnesses of consecutive groups of elements. further: a function that takes the
+    slice of a group's element numbers and returns the stiffness to add to these elements, for example the stiffness of
+    the volume or of a magnetic load.
     """
     first = 0
     for K in tangents:

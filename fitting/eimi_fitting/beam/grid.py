@@ -31,10 +31,11 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the lines that divide the width at the magnet, in mm, and the number of elements beside the magnet.
+    """Return the coordinates y of the mesh lines in mm, and the number of elements on one side of the magnet.
 
-    The width consists of silicone, the magnet and silicone. The number counts the elements in the silicone on one side
-    of the magnet.
+    Across its width, the beam consists of silicone, the magnet and silicone. The number counts the elements in the
+    silicone on one side of the magnet. y = 0 is the middle. across: the number of elements across a beam whose magnet
+    is not narrower.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -45,9 +46,10 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, times: float) -> int:
-    """Return the number of elements along a part of the beam, at least 2 and at most 2 * along.
+    """Return the number of elements along the magnet or along the silicone beyond it: 2 to 2 * ``along``.
 
-    times: length of the part divided by the length of the flexible part, which has ``along`` elements.
+    along: the number of elements of the flexible part of the beam. times: the length to be divided, as a multiple of
+    the length of the flexible part.
     """
     return max(2, min(round(along * times), 2 * along))
 

@@ -62,10 +62,11 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """Return the linear map dE -> B dE B of symmetric tensors as a matrix, (6, 6, ...).
+    """Return the matrix (6, 6, ...) of the linear map dE -> B dE B, for symmetric tensors B (6, ...) and dE.
 
-    B: a symmetric tensor (6, ...). For B = C^-1, the inverse of the right Cauchy-Green tensor, a change dE of the Green
-    strain changes B by -2 B dE B. The columns of the matrix belong to dE11, dE22, dE33, 2 dE12, 2 dE23, 2 dE13.
+    The matrix gives the derivative of C^-1, the inverse of the right Cauchy-Green tensor: for B = C^-1, a change dE of
+    the Green strain changes B by -2 B dE B. The columns of the matrix belong to the components dE11, dE22, dE33, 2
+    dE12, 2 dE23, 2 dE13.
     """
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
@@ -116,10 +117,11 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the contribution of a pressure p to the second Piola-Kirchhoff stress S and to the tangent D, in place.
+    """Add the contribution of a pressure p to the stress S and to its derivative D by the Green strain, in place.
 
-    The contribution to S is p J C^-1 with the right Cauchy-Green tensor C. The contribution to D is the derivative of
-    p J C^-1 as `response` defines D for S. pressure: p; volume: J C^-1; J: the ratio of volumes.
+    `response` returns S, D and the array ``volume``, which is J C^-1 with the right Cauchy-Green tensor C. J is the
+    determinant of the deformation gradient. The contribution to S is p J C^-1. The contribution to D is the derivative
+    of p J C^-1 by the Green strain, at constant p.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))

@@ -172,9 +172,9 @@ class Loads:
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return a function that computes the loads on a mesh.
+        """Return a function that computes the loads on the given mesh in one state.
 
-        The function takes the m numbers that describe the loads in a state (see `state`), shape (m,), and the factors
-        on the magnetic loads of B candidate laws, shape (B,).
+        The function takes two arrays: the m numbers that describe the loads in the state, shape (m,), as `state`
+        returns them, and a factor on the magnetic loads for each of B candidate laws, shape (B,).
         """
         return partial(mesh.loads, self.actuations)

@@ -78,13 +78,14 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Return the n + 1 coordinates in mm that divide a length into n elements of graded size, shape (n + 1,).
+    """Return n + 1 increasing coordinates in mm that divide a length into n elements of graded size, shape (n + 1,).
 
-    Relative to the middle, elements are shorter at the start by the factor ``1 + finer_at_start``, and at the end by
-    ``1 + finer_at_end``. The factors fall to 1 exponentially with the distance from the end (decay length ``fade_mm``).
+    An element at the start is shorter than an element in the middle by the factor ``1 + finer_at_start``, and an
+    element at the end by ``1 + finer_at_end``. With the distance from the start or from the end, the factor decreases
+    exponentially to 1; ``fade_mm`` is the distance in which its excess over 1 falls to 1/e.
 
-    Without ``steps_mm`` there are n = ``count`` elements. With ``steps_mm``, each of these coordinates is a boundary
-    between two elements. Additional elements are put around these boundaries, so that the other elements keep their
+    Without ``steps_mm``, n equals ``count``. ``steps_mm`` has coordinates that must be boundaries between elements.
+    Elements near these coordinates are shorter. Elements are added for this, so that the other elements keep their
     size.
     """
     x = np.linspace(0.0, length_mm, 2001)
