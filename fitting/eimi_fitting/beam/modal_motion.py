@@ -1,10 +1,13 @@
-"""The motion of a beam reduced to a few shapes: undamped frequencies, and complex rates of a viscoelastic law.
+"""The small vibrations of a beam, computed with the matrices of a few shapes: frequencies and complex rates.
 
-`beam.vibration` computes the matrices of the reduced motion, and states its equation
+A vibration is proportional to exp(s t) with the complex rate s. Its shape v satisfies (`beam.vibration`)
 
-    (r(s) K_m + K_g + s² M) v = 0
+    (r(s) K_m + K_g + s² M) v = 0.
 
-for the mode v, the complex rate s and the ratio r(s) of the complex modulus to the modulus of the equilibrium.
+K_m is the stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, and M the mass matrix.
+These matrices belong to small motions about an equilibrium, which was computed with the static modulus of the material.
+A viscoelastic material has a complex modulus in the vibration; r(s) is this modulus divided by the static modulus.
+Without viscoelasticity, r = 1, and s / i is an undamped angular frequency.
 """
 
 from __future__ import annotations
@@ -85,8 +88,8 @@ def complex_roots(
         K_m, K_g and M of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law, the
         stiffness due to stresses and loads, and the mass.
     ratio : callable
-        The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the modulus of the
-        equilibrium, (B, count).
+        The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the static modulus,
+        with which the equilibrium was computed, (B, count).
     count : int
         Number of modes; at most the number of shapes is returned.
 
@@ -111,16 +114,17 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s with s² = -lambda(r(s)), by a fixed-point iteration with Aitken's acceleration.
+    """Return the complex rates s of vibrations, from the frequencies that the beam would have with a modulus ratio r.
 
-    lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M. K_m is the stiffness due to the tangent of
-    the law, K_g the stiffness due to stresses and loads, and r the complex modulus divided by the modulus of the
-    equilibrium.
+    For a fixed ratio r of the modulus in the vibration to the static modulus, the vibrations have the rates s with s² =
+    -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M (see the module). The ratio
+    r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is therefore solved by repetition:
+    r(s) at the last s gives the next s. Aitken's method accelerates the convergence.
 
     Parameters
     ----------
     squares : callable
-        Takes values of r (B, count), and returns the eigenvalues lambda(r), (B, count) in 1/s².
+        Takes values of r (B, count), one for each mode, and returns the eigenvalues lambda(r), (B, count) in 1/s².
     ratio : callable
         The function r(s): takes rates s (B, count), and returns values of r (B, count).
     size : tuple of int
@@ -129,7 +133,7 @@ def fixed_point(
     Returns
     -------
     ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN where the iteration does not converge, or where the mode does not vibrate.
+        The rates in 1/s; NaN where the repetition does not converge, or where the mode does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -150,27 +154,25 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest squared angular frequencies for each of q ratios r, (B, q, count) in 1/s².
+    """Return the lowest squared angular frequencies for each of q modulus ratios r, (B, q, count) in 1/s².
 
-    The ratio r is the modulus in a vibration divided by the modulus of the equilibrium. The squared frequencies are the
-    eigenvalues of the stiffness r K_m + K_g and the mass M.
-
-    material, rest, mass: K_m, K_g and M of B candidate laws, reduced to m shapes, (B, m, m): stiffness due to the
-    tangent of the law, stiffness due to stresses and loads, mass. stiffening: the q real ratios r, (q,).
+    The ratio r (``stiffening``, shape (q,)) is the modulus in a vibration divided by the static modulus. The squared
+    frequencies are the eigenvalues of the stiffness r K_m + K_g and the mass M. material, rest, mass: the matrices K_m,
+    K_g and M of B candidate laws, reduced to m shapes, (B, m, m) each; see the module.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the stiffness matrices K_m and K_g in coordinates in which M is the unit matrix, (B, m, m) each.
+    """Return K_m and K_g in coordinates in which the mass matrix M is the identity, (B, m, m) each.
 
-    There are B candidate laws and m shapes. K_m is the stiffness due to the tangent of the law, K_g the stiffness due
-    to stresses and loads, and M the mass.
+    The arguments are K_m, K_g and M (see the module) of B candidate laws, reduced to m shapes. The eigenvalues of r K_m
+    + K_g are then squared frequencies.
 
-    A shape that is nearly a sum of other shapes gets a stiffness that is larger than the stiffness of all other shapes,
-    because it adds no motion. If a matrix of a candidate has entries that are not finite, both stiffness matrices of
-    this candidate are replaced by 0.
+    Some of the m shapes may be linearly dependent, so that M is nearly singular. The coordinates without motion then
+    get a very large stiffness in K_g, and their frequencies lie above all others. If a candidate has an entry that is
+    not finite, both of its results are zero, with the identity as its mass.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

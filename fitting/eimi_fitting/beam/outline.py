@@ -39,9 +39,10 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
 
-    At each station along the beam, the outline passes through the point of the face that lies farthest out in the
-    picture, measured along the normal of the outline. This point may lie at any depth. The faces of a planar model are
-    normal to the plane of the beam.
+    Take one cross-section of the beam. Its left end is a line through the depth of the beam, and so is its right end.
+    In the picture, the outline passes through the point of this line that lies farthest from the middle of the beam,
+    measured along the normal of the outline. This point may lie at any depth. In a planar model these lines are
+    straight and normal to the plane of the beam.
 
     Parameters
     ----------
@@ -128,11 +129,12 @@ def _outward(curves: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point (x, y) of each of n lines that lies farthest along the normal of this line, shape (..., n, 2).
+    """Return the point of each of n lines that lies farthest in the direction ``normal`` in the picture, (..., n, 2).
 
-    Each line runs across the depth of the beam, on one of its faces, and is curved because the solid bends. Its
-    projection into the picture consists of one quadratic segment for each of the D elements across the depth, given by
-    2 D + 1 points (x, y), (..., n, 2 D + 1, 2). The farthest point lies on the visible outline.
+    A line runs through the depth of the beam on its left or right face, at one of n stations along the beam. It has D
+    elements and is seen in the picture as D quadratic segments, given by 2 D + 1 points (x, y): ``lines`` has the shape
+    (..., n, 2 D + 1, 2). ``normal`` (..., n, 2) is the outward normal at each station. The points that are returned lie
+    on the visible outline of the beam.
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last

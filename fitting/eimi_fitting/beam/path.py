@@ -192,8 +192,8 @@ def follow(
         Keep the configurations of the first candidate in ``Shapes.every``.
     beside : Configuration or None
         For one candidate only: the configurations of another beam model that bends almost like this model, one row for
-        each state. The difference between the two models is extrapolated from the earlier states. The solution of a
-        state then begins at the configuration of the other model plus this difference.
+        each state. The solution of a state then begins at the configuration of the other model plus the difference
+        between the two models, which is extrapolated from the states already solved.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -301,14 +301,16 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Solve the candidate laws ``rows`` under a new load, in one step from the last state or in 4, 16 and 64 steps.
+    """Solve the states of the candidate laws ``rows`` under a new load, in one step or in more and more smaller steps.
 
-    More steps are taken for a candidate if its step fails, or if the candidate may have left its equilibrium path. If a
-    candidate buckles on its path in steps of two sizes, the path loses stability before the load is reached. Smaller
-    steps are then not tried. The configurations ``now`` of candidates that reach the load are overwritten. The first
-    attempt begins at ``near``, a configuration under a load close to the new load.
+    The first attempt begins at ``near``, a configuration under a load close to the new load, if it is given. The next
+    attempts begin at the last state of ``path`` and reach the new load in 1, 4, 16 and 64 steps. A candidate takes part
+    in the next attempt if its last attempt failed, or if its solution may belong to another equilibrium path. If a
+    candidate buckles in two attempts in succession, without having left its path, the path loses stability before the
+    new load is reached, and no further attempt is made.
 
-    Returns the status and the number of iterations of each of ``rows``.
+    For the candidates that reach the load, the configurations in ``now`` are overwritten. Returns the status and the
+    number of iterations of each of ``rows``.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
@@ -346,14 +348,13 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the end of the path.
+    """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the last state of the path.
 
-    If Newton's method needs many iterations, it may end at an equilibrium on another path (Deuflhard 2011, Newton
-    Methods for Nonlinear Problems, section 5.1). A candidate that needs few iterations in each step counts as being on
-    its path.
-
-    Returns configuration, status and iterations as `Solid.equilibrium` does, and whether each of ``rows`` counts as
-    being on its path. only_try: see `Solid.equilibrium`.
+    Returns the configuration, the status and the number of iterations as `Solid.equilibrium` does, and one bool for
+    each of ``rows``: whether its solution surely belongs to the same equilibrium path. If Newton's method needs many
+    iterations, it may end at an equilibrium of another path (Deuflhard 2011, Newton Methods for Nonlinear Problems,
+    section 5.1). The bool is therefore True only if every step needed few iterations and its largest strain was not
+    much larger than predicted. only_try: see `Solid.equilibrium`.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps

@@ -5,8 +5,9 @@ A mode of bending has the curvature
     kappa_i(s) = c_i P_i(2 s / l - 1),    i = 0, 1, 2,
 
 with the arc length s from the clamp, Legendre's polynomials P_i and the length l of the flexible part. The factor c_i
-makes the largest offset of the centre line 1 mm. A mode of the width is the polynomial P_1 or P_2 of the same argument.
-The mode does not change the mean width of the flexible part.
+is such that the centre line of the mode moves by 1 mm at most. A mode of the width adds P_1(2 s / l - 1) or P_2(2 s / l
+- 1) to the width: P_1 is a taper, and P_2 makes the middle narrower than the ends. The mean width of the flexible part
+stays the same.
 """
 
 from __future__ import annotations
@@ -107,10 +108,11 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line due to bending mode i, for a largest offset of one flexible length, in rad.
+    """Return the angle of the centre line in rad if bending mode i has the flexible length l as its amplitude.
 
-    For any other largest offset of the centre line, the angle is proportional to the offset. x: arc length divided by
-    the flexible length. With ``integrals`` = 1, return the offset of the centre line divided by the largest offset.
+    An amplitude is the largest offset of the centre line. The angle for another amplitude is proportional to it. x: arc
+    length from the clamp, divided by l. With ``integrals`` = 1, the offset of the centre line divided by l is returned
+    in place of the angle.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -57,12 +57,11 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of element unknowns by translation and rotation of the rigid body, (Et, B, u, 3).
+        """Return how the nodes of the elements at the rigid body move with it: a matrix of derivatives, (Et, B, u, 3).
 
-        The rigid body is the magnet with the silicone that moves rigidly with it.
-
-        Et elements have nodes of the body. Each element has u unknowns, and there are B candidate laws.
-        rigid: see `carry`.
+        An entry is the derivative of one of the u displacements of an element by the translation (x, y) or the rotation
+        of the body. It is zero for a node that does not belong to the body. There are B candidate laws, and Et elements
+        with nodes of the body (the magnet with the silicone that moves rigidly with it). rigid: see `carry`.
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -71,11 +70,11 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness of the rigid body (magnet) due to the forces on its nodes, (B,).
+        """Return the part of the body's rotational stiffness that is due to the forces on its nodes, (B,).
 
-        There are B candidate laws.
-
-        force: forces (E, B, u) on the u unknowns of each of E elements. rigid: see `carry`.
+        A node of the rigid body (the magnet) moves on a circle when the body turns. The moment of a constant force on
+        this node therefore changes with the rotation, and its derivative is a stiffness. force: the forces (E, B, u) on
+        the u unknowns of each of E elements, for B candidate laws. rigid: see `carry`.
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
@@ -83,12 +82,13 @@ class RigidBody:
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment and the stiffness of a dead load on the rigid body (the magnet), (B,) for B candidate laws.
+    """Return the moment of a dead load on the rigid body (the magnet) and the stiffness of this load, (B,) each.
 
-    A dead load keeps its direction and size while the body turns. Let theta be the rotation of the body and R(theta)
-    the matrix of this rotation. The load has the potential -tensor : R(theta), with ``tensor`` of shape (B, 2, 2) or
-    (1, 2, 2). The stiffness is minus the derivative of the moment by theta. rigid: translation of the body, then theta,
-    (B, 3).
+    A dead load keeps its direction and size while the body turns. Its potential is -Q : R(theta), with the tensor Q
+    (``tensor``), the rotation theta of the body and the matrix R(theta) of this rotation. The moment is minus the first
+    derivative of the potential by theta, and the stiffness is the second derivative. There are B candidate laws:
+    ``tensor`` has the shape (B, 2, 2), or (1, 2, 2) for all candidates, and ``rigid`` (B, 3) has the translation of the
+    body and theta.
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

@@ -6,8 +6,8 @@ distance t from the centre line. Meshes consist of lines of constant s and t, wh
     x(s, t) = c(s) + n(s) t w(s) / w_0
 
 with the centre line c, its unit normal n, the width w(s) and the width w_0 of the straight strip. A magnet is a rigid
-block. The centre line is straight along the magnet, and the lines at the sides of the magnet have the same distance
-from the centre line as in the strip.
+block, and the map does not deform it: along the magnet the centre line is straight, and the sides of the magnet keep
+their distance from the centre line.
 """
 
 from __future__ import annotations
@@ -159,11 +159,12 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances in mm of the magnet's side and of the beam's edge from the centre line, for two shapes.
+        """Return the distances of two lines from the centre line in mm, in the straight strip and in the beam at rest.
 
-        The first result, (2, 1), is for the straight strip (a straight beam of constant width). The second result, (2,
-        n), is for the beam at rest at n arc lengths s (n,) in mm. The first row of each result belongs to the side of
-        the magnet.
+        Row 0 of each result belongs to the side of the magnet (without a magnet, to a line inside the beam), and row 1
+        to the edge of the beam. `_moved` needs these distances to map the strip to the beam. The first result, (2, 1),
+        is for the straight strip (a straight beam of constant width), and the second, (2, n), for the beam at rest at n
+        arc lengths ``s``, (n,) in mm.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -210,12 +211,11 @@ class Strip:
 
 
 def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return the distances of n points from the centre line, (n,), after a change of the width or depth.
+    """Return the new distances of n points from the centre line, (n,), when the width or the depth of the beam changes.
 
-    Two lines beside the centre line move with the change: the side of the magnet (row 0, the inner line) from
-    ``before[0]`` to ``after[0]``, and the edge of the beam (row 1) from ``before[1]`` to ``after[1]``. ``value``
-    contains the distances of the points before the change. Between the centre line and the inner line, and beyond the
-    inner line, the distances change linearly.
+    ``value`` has the distances before the change, with a sign. Two distances are given before and after: ``before[0]``
+    becomes ``after[0]`` (the side of the magnet), and ``before[1]`` becomes ``after[1]`` (the surface of the beam). The
+    change is linear from the centre line to the side of the magnet, and linear again from there outward.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
@@ -226,8 +226,8 @@ def _moved(value: Array, before: Array, after: Array) -> Array:
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
     """Return a table of the width or the depth along the beam with a short ramp in place of every step (jump).
 
-    The ramp lies on the wider side of the step, because the shoulders of the wider part bear little stress. At a face
-    of the magnet, the ramp lies on the narrower side.
+    At a step, the width jumps from a narrow part to a wide part. The ramp is cut into the wide part, because the
+    corners of the wide part bear little stress. At a face of the magnet, the ramp is instead added to the narrow part.
 
     rows: each row has a fraction of the beam's length, and the width or the depth there. magnet_mm: distances of the
     two faces of the magnet from the clamp.

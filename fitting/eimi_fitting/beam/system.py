@@ -101,7 +101,7 @@ class System:
         symmetric: bool,
         only_definite: bool = False,
     ) -> Solution:
-        """Assemble the stiffness K and the forces of the elements, and solve K x = right - forces for B candidate laws.
+        """Assemble the stiffness K and the forces f of the elements, and solve K x = right - f for B candidate laws.
 
         Parameters
         ----------
@@ -113,9 +113,10 @@ class System:
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the Et elements with nodes of the rigid body (the magnet): the derivatives (Et, B, d, 3) of the
-            elements' unknowns by the body's unknowns, its translation and rotation. For the body: the additional
-            stiffness, (B, 3, 3), and the right-hand side, (B, 3) or (1, 3). None without a body.
+            Three arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation;
+            None without a body. First, the matrix of `RigidBody.matrix`, (Et, B, d, 3), for the Et elements with nodes
+            of the body. Second, the stiffness of the body itself, (B, 3, 3). Third, the right-hand side for the body,
+            (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
@@ -167,9 +168,10 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements, and append the matrices at the rigid body to ``tied``.
+        """Yield the matrices of each group of elements unchanged, and append to ``tied`` those at the rigid body.
 
-        An element is at the rigid body (the magnet) if some of its nodes move with this body.
+        An element is at the rigid body (the magnet) if some of its nodes move with this body. The matrices of a group
+        are read only once, so that the group need not be kept in memory.
         """
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
@@ -178,19 +180,22 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Return the stiffness that couples the rigid body (the magnet) to m unknowns of the nodes, (B, 3, m).
+        """Assemble the stiffness between the rigid body (the magnet) and the nodes around it, (B, 3, m).
 
-        rows: this stiffness for each of the Et elements with nodes of the body, (Et, B, 3, d). An element has d
-        unknowns, and there are B candidate laws. The three rows belong to the translation and the rotation of the body.
+        The three rows belong to the translation (x, y) and the rotation of the body, and the m columns to the unknowns
+        of the nodes around it. rows: the contributions of the Et elements at the body, (Et, B, 3, d), with d unknowns
+        in each element, for B candidate laws.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the rows and the 3 x 3 matrix of the rigid body (the magnet) into the lower band of the system matrix.
+        """Write the stiffness of the rigid body (the magnet) into the lower band of the system matrix; return the band.
 
-        The translation (x, y) and the rotation of the body are the last three unknowns.
+        The last three unknowns are the translation (x, y) and the rotation of the body. rows: the stiffness between
+        these unknowns and m unknowns of the nodes, (B, 3, m). corner: the stiffness between these unknowns themselves,
+        (B, 3, 3).
         """
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)

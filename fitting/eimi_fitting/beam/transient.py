@@ -219,28 +219,30 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return the changes of the displacements in one iteration of Newton's method, for the nodes and the magnet.
+        """Return the changes of all displacements in one iteration of Newton's method: (N, 2) and (3,).
 
-        The changes have the shape (N, 2) in mm for N nodes, and (3,) for the magnet, which is a rigid body: translation
-        (x, y) in mm and rotation in rad. The inertia of the magnet is represented by two points that move with the
-        magnet. Each point has half of its mass, and their distance gives its rotary inertia.
+        The first result is for the N nodes, in mm. The second is for the magnet, a rigid body: translation (x, y) in mm
+        and rotation in rad. Two points that move with the magnet have its inertia: each has half of its mass, and their
+        distance is chosen so that they have its rotary inertia.
 
         Parameters
         ----------
         ev
             Forces and stresses at the present displacements.
         remembered
-            The stress that remains from earlier deformations.
+            The part of the stress that depends on the state at the beginning of the step; it is added to the stress of
+            ``ev``.
         loads
             The loads on the mesh at the end of the time step.
         pushed
-            Accelerations of the nodes, from which their inertial forces are computed.
+            Accelerations of the nodes in this iteration, (N, 2); they give the inertial forces on the nodes.
         pulled
-            Accelerations of the two points of the magnet, from which its inertial force and moment are computed.
+            Accelerations of the two points of the magnet, (2, 2); they give the inertial force and moment on the
+            magnet.
         inertia
-            Derivative of an acceleration by a displacement, in 1/s²; 0 if inertia is neglected.
+            Change of an acceleration for a change of the displacement by one unit, in 1/s²; 0 if inertia is neglected.
         rigid
-            The present displacement of the magnet, (3,).
+            The present translation and rotation of the magnet, (3,).
         """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
@@ -284,12 +286,14 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Store the displacements, velocities, accelerations and stresses at the end of a time step.
+        """Compute the velocities, accelerations and stresses at the end of a time step, and store the new state.
 
-        ``nodes`` and ``rigid`` are the computed displacements. ``fading`` and ``share`` are the factors exp(-dt /
-        tau_i) and g_i a_i of the module `beam.transient`. ``stiffness`` is the ratio of the modulus in this step to the
-        instantaneous modulus. ``gamma`` is the weight of the new acceleration in the change of the velocity, and
-        ``accelerations`` the function that computes new accelerations (both of the generalised-alpha method).
+        ``nodes`` and ``rigid`` are the displacements at the end of the step. The elastic stress S_e is the stress of
+        the candidate laws in ``batch`` divided by ``stiffness``, because these laws have ``stiffness`` times the
+        instantaneous modulus. ``fading`` has the factors exp(-dt / tau_i) and ``share`` the factors g_i a_i of the
+        module `beam.transient`; they give the new internal variables. ``accelerations`` is the function of the
+        generalised-alpha method that returns new accelerations. The velocity changes by the weighted mean of the old
+        and the new acceleration, times the step; ``gamma`` is the weight of the new one.
         """
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness

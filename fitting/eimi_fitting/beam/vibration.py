@@ -167,10 +167,13 @@ class Vibration:
     def _modes(
         self, factored: FactoredSystem, stiffness: Array, tie: Array | None, body_rest: Array, now: Configuration
     ) -> tuple[Array, Array]:
-        """Return the lowest undamped modes by subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
+        """Return the lowest undamped modes of B candidate laws, scaled to unit mass.
 
-        The m modes have unit mass. Returns the n unknowns of the nodes, (m, B, n), and the motion of the rigid body,
-        (m, B, 3), in the modes of B candidate laws. The rigid body is the magnet.
+        There are m modes. The first result has the n unknowns of the nodes in each mode, (m, B, n), and the second the
+        motion of the rigid body (the magnet), (m, B, 3). The method is subspace iteration (Bathe 2014, Finite Element
+        Procedures, section 11.6). For the arguments see `_tangents`; ``stiffness`` is the sum r K_m + K_g of the
+        element matrices with a modulus ratio r, ``factored`` the factorised system with this stiffness, and
+        ``body_rest`` the fourth result.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -202,12 +205,12 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of the mesh in each shape, sorted by element, (m, E, B, u) in mm.
+        """Return the displacements of every element in each of m shapes, (m, E, B, u) in mm.
 
-        The mesh has E elements with u unknown displacements each. The motion of each of B candidate laws is reduced to
-        m shapes.
-
-        free: displacements of the nodes in the shapes; rigid: translation and rotation of the rigid body (the magnet).
+        There are E elements with u displacements each, and B candidate laws, which have different shapes. free: the
+        unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the rigid body (the magnet),
+        (m, B, 3). tie: the array of `RigidBody.matrix`, which gives the displacements of the body's nodes; None without
+        a body.
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -282,10 +285,11 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of stiffness and mass (B, m, m) for B candidate laws.
+    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of a stiffness and a mass matrix for B candidates.
 
-    The eigenvectors have unit mass. The mass matrix must have ones on its diagonal. A multiple of the rounding error is
-    added to its diagonal, so that it is positive definite even if shapes are linearly dependent.
+    stiffness, mass: symmetric matrices of each candidate law, (B, m, m). The shapes to which they are reduced may be
+    linearly dependent, so that ``mass`` is singular. A multiple of the rounding error is therefore added to the
+    diagonal of ``mass``, which must consist of ones. The eigenvectors have unit mass.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -295,10 +299,11 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Assemble element matrices (E, B, u, u), reduce the result to m shapes, and return it, (B, m, m).
+    """Return the m x m matrix v_i^T A v_j of an assembled matrix A and m shapes v_i, for B candidate laws, (B, m, m).
 
-    local: the displacements of the mesh in each shape, sorted by element, (m, E, B, u); see `Vibration._local`. The
-    mesh has E elements with u unknowns each, and there are B candidate laws.
+    A is not assembled. The products are computed for each element and added. matrices: the element matrices (E, B, u,
+    u) of A, for E elements with u unknowns each. local: the displacements of each element in each shape, (m, E, B, u);
+    see `Vibration._local`.
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -307,12 +312,12 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the two parts K_m and K_g of the tangent stiffness about an equilibrium, and the rigid body's derivatives.
+    """Return the tangent stiffness about an equilibrium in two parts, and two arrays for the rigid body (the magnet).
 
-    K_m contains the tangent of the law, and K_g the stresses and loads. The first two results are K_m and K_g of each
-    of E elements with u unknowns for B candidate laws, (E, B, u, u) each. The third result is the array of
-    `RigidBody.matrix`, or None without a rigid body (magnet). The last result is the part of K_g that belongs to the
-    body, (B, 3, 3).
+    The first two results are the matrices K_m (tangent of the law) and K_g (stresses and loads) of each of E elements
+    with u unknowns, for B candidate laws, (E, B, u, u) each. The third result is the array of `RigidBody.matrix`, or
+    None without a body. The fourth result is the contribution of the body's own unknowns, translation and rotation, to
+    K_g, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

@@ -124,14 +124,13 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals (misfit) of the more accurate of two beam models, and an estimate of its error.
+    """Return the residuals (misfit) of the better beam model, and the error that this model may still have.
 
-    The more accurate model is the three-dimensional model for a solid section, and a planar model with a finer mesh for
-    other sections. The other model is a coarser planar model. Both models use the law with the coefficients ``about``.
-
-    The error is a standard deviation for each residual, with the shape (K, G, m) for G groups (edges, or x and y) of m
-    points in K states. It is the share `Refinement.remaining_share` of the difference between the residuals of the two
-    models (`inference.evidence.corrections`).
+    The better model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
+    sections. It is compared with a coarser planar model. Both models use the law with the coefficients ``about``. The
+    error is a part of the difference between the two models: the difference of the residuals, times
+    `Refinement.remaining_share` (`inference.evidence.corrections`). It is used as a standard deviation, and has the
+    shape (K, G, m) of the residuals: G groups (edges, or x and y) of m points in K states.
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -170,14 +169,15 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return the changes of the residuals in mm by the sources of uncertainty (uncertain inputs) of the experiments.
+    """Return how uncertain inputs of the experiments change the residuals in mm.
 
-    A source has one or more parts, such as x and y of the clamp. Several experiments may share one error of a source.
-    The outer list has an entry for each part of a source and each group of experiments that share its error. This entry
-    is a list with one change for each experiment: the change of the residuals for a deviation of the part by one
-    standard uncertainty. The change has the shape (K, G, m). There are K states, G = 2 groups of residuals (left and
-    right edge, or x and y of tracked points) and m points. The change is None if the experiment does not share the
-    error, or if the beam model finds no equilibrium.
+    An uncertain input (source) has one or more parts, such as x and y of the clamp. Some experiments may share one
+    input, for example the calibration of one camera; its error is then the same in all of them.
+
+    The result has one row for each part of each input. A row has one entry for each experiment: the change of the
+    residuals, (K, G, m), when the part deviates by one standard uncertainty. There are G = 2 groups of residuals (left
+    and right edge, or x and y of tracked points) of m points in K states. The entry is None if the experiment does not
+    have this input, or if the beam has no equilibrium after the change.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -197,11 +197,13 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one experiment divided by the noise, and the standard deviation of the noise in mm.
+    """Return the equations of one experiment divided by their noise, and the standard deviation of the noise in mm.
 
-    The residuals of a state at many points are replaced by a few equations, because only three kinds of vectors matter
-    for the fit: the derivatives by the coefficients, the changes by the nuisances (errors of inputs), and the error of
-    the beam model. The residuals are projected on the span of these vectors.
+    The edge of a state has many points and would give one equation for each point. Only a few combinations of these
+    equations contain information: the combinations along the derivatives by the coefficients, along the changes by the
+    nuisances (errors of inputs), and along the error of the beam model. The equations are therefore projected on the
+    span of these vectors. The error of the beam model is the same in the whole state; `_inverse_root` makes the
+    remaining equations independent.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
@@ -232,10 +234,11 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return (I + d d')^(-1/2), (m, m), a factor on m equations that makes the errors of the equations independent.
+    """Return the matrix that makes the errors of m equations independent with unit variance, shape (m, m).
 
-    I is the identity matrix, the covariance of the noise. d, shape (m,), is the ``deviation`` of the m equations by an
-    error that is common to all of them.
+    Each equation has noise of unit variance. In addition, an error that is common to all equations changes them by
+    ``deviation`` d, shape (m,), times a normal random number. The covariance of the errors is I + d d^T, with the
+    identity I. The matrix is (I + d d^T)^(-1/2).
     """
     square = float(deviation @ deviation)
     if square == 0.0:

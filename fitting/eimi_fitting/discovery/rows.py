@@ -2,11 +2,9 @@
 
     observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-A nuisance is an error of an input, such as a width, or of the modulus of all beams. Its size is one of the
-``amplitudes``. ``noise`` has unit variance. Each amplitude of a nuisance has a normal prior with mean 0 and standard
-deviation 1. All terms of the library are fitted to each tensile curve alone and to each beam alone. The residuals of
-this fit give the noise of the curve or beam. Correlated residuals count as fewer independent residuals
-(`eimi_fitting.correlation`).
+``noise`` has unit variance. A nuisance is an error of an input, such as a width, or a common error of the modulus of
+all beams. Its size in standard uncertainties is one of the ``amplitudes``, which have a normal prior with mean 0 and
+standard deviation 1.
 """
 
 from __future__ import annotations

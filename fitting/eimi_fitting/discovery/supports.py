@@ -2,17 +2,18 @@
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
 2. Each set gets a cross-validation error: every equation is predicted by a fit without its group, in at most 20 folds
-   (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10).
-3. A set is compatible with the data if the sum S of its squared prediction errors is close to the smallest sum S_best:
+   (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10). S is the sum of the squared
+   prediction errors of a set. The best set has the smallest sum, S_best.
+3. A set is compatible with the data if noise can explain that S is larger than S_best. Let delta be the vector of the
+   differences between the predictions of the two sets. The noise has unit variance, and it changes S - S_best with a
+   standard error of 2 |delta|. A set is compatible if
 
-       S - S_best <= 1.5 * 2 |delta|,
+       S - S_best <= 1.5 * 2 |delta|.
 
-   where delta is the difference between the predictions of the two sets. If one of the two sets is right and the noise
-   has unit variance, the sums differ by |delta|^2 on average, with a standard error of 2 |delta|. The rule follows the
-   one-standard-error rule of the same section, but with 1.5 times the standard error of the difference between two sums
-   over the same equations. A larger set that contains the right set lowers the sum only because it also fits noise, by
-   at most |delta|^2. The right set is therefore rejected only if |delta|^2 > 3 |delta|: if the part of the noise that
-   the larger set fits, |delta|, exceeds three standard deviations of the noise.
+   This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. The right set is rarely
+   rejected: a larger set that contains it can only reduce S by fitting noise, by at most |delta|^2. The right set is
+   rejected only if |delta|^2 > 3 |delta|, that is, if the noise that the larger set fits, |delta|, is above three
+   standard deviations.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it, and `upper_coefficients` computes how large each further term could be.
 """
@@ -166,9 +167,10 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return the fitted set ``support`` after a comparison of its prediction error with the set ``best``.
+    """Return the fitted set ``support``, with its fields ``excess`` and ``excess_error`` filled in.
 
-    The result contains the difference (``excess``) and the standard error of the difference (``excess_error``).
+    ``excess`` is the sum of the squared prediction errors of this set minus the same sum of the set ``best``.
+    ``excess_error`` is the standard error of this difference.
     """
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)

@@ -303,9 +303,11 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return the result of `bending_rows`, repeated until the fit of all terms hardly changes.
+    """Return the equations of all beams and the noise in mm, linearised about a law that fits them (`bending_rows`).
 
-    The edges are first linearised about the coefficients ``about``, and then about each new fit.
+    The edges are first linearised about the coefficients ``about``. All terms are then fitted to the equations of the
+    beams and of the tensile curves, and the edges are linearised again about the fitted law. This is repeated until the
+    fit hardly changes.
 
     Raises
     ------

@@ -130,12 +130,11 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return a candidate with a stable equilibrium in all states, near the unstable candidate ``unit`` (n,).
+    """Return a candidate near the unstable candidate ``unit`` (n,) that has a stable equilibrium in all states.
 
-    The stretches on the mesh of ``problem`` are larger than on the coarse mesh of the search. A law that softens may
-    therefore be unstable on the mesh of ``problem``, although it is stable on the coarse mesh. The returned candidate
-    has the same modulus, and its other coordinates are nearer to the middle of their bounds. If no candidate is stable,
-    ``unit`` is returned.
+    The search uses a coarse mesh. The finer mesh of ``problem`` has larger stretches, at which a law that softens may
+    be unstable. The returned candidate has the same modulus, and its other coordinates are moved toward the middle of
+    their bounds until the law is stable. If this does not help, ``unit`` is returned.
     """
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]
