@@ -1,13 +1,14 @@
 """Smooth deviations of a specimen from its given rest shape, as sums of a few modes.
 
-A mode of bending has the curvature
+A mode is a polynomial in x = 2 s / l - 1, which increases from -1 at the clamp to 1 at the end of the flexible part.
+Here s is the arc length from the clamp and l the length of the flexible part. P_i are Legendre's polynomials. Bending
+mode i adds the curvature
 
-    kappa_i(s) = c_i P_i(2 s / l - 1),    i = 0, 1, 2,
+    c_i P_i(x),    i = 0, 1, 2,
 
-with the arc length s from the clamp, Legendre's polynomials P_i and the length l of the flexible part. The factor c_i
-is such that the centre line of the mode moves by 1 mm at most. A mode of the width adds P_1(2 s / l - 1) or P_2(2 s / l
-- 1) to the width: P_1 is a taper, and P_2 makes the middle narrower than the ends. The mean width of the flexible part
-stays the same.
+to the centre line. The factor c_i makes the largest offset of the centre line 1 mm. A mode of the width adds P_1(x) or
+P_2(x) to the width: P_1 makes a taper, and P_2 a difference between the middle and the ends. The mean width of the
+flexible part stays the same.
 """
 
 from __future__ import annotations

@@ -171,16 +171,16 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the residuals of the coarse problem, first to the meshes of ``problem`` and then to finer meshes.
+    """Correct the residuals in two steps: from the coarse mesh to the meshes of ``problem``, then to finer meshes.
 
-    The coarse problem is the same fit on the coarse mesh of the search.
+    ``coarse`` is the same fit on the coarse mesh of the search, and ``optimum`` its optimum. After each step the
+    optimum is computed again. If a mesh has no equilibrium at the optimum, the results of the step before are returned.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the change of the optimum by the finer meshes, and the largest stretch (1,)
-        on the meshes of ``problem``. If there is no equilibrium on one of these meshes, the results of the previous
-        step are returned.
+        The corrected problem, its optimum, the change of the optimum by the second step (empty if it failed), and the
+        largest stretch (1,) on the meshes of ``problem``.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -284,10 +284,10 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Return the comparison of one candidate with experiments, simulated without other candidates.
+    """Simulate one candidate alone, and return the comparison with the measurements of the experiments.
 
-    ``unit`` has the n unit coordinates (0 to 1) of the candidate. Other candidates in the batch would change the
-    rounding errors, which matter for small corrections. The solver starts from the shapes ``near`` of an earlier
-    comparison that was made with ``keep``.
+    If several candidates are simulated together, their rounding errors are different. For the small differences between
+    two beam models this matters. ``unit`` has the n unit coordinates (0 to 1) of the candidate. The solver starts from
+    the shapes ``near``, which an earlier call with ``keep`` returned in its comparison.
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -19,11 +19,11 @@ Verification and Validation in Computational Science and Engineering, section 5.
 The solid section. The model of the search is in plane stress. The better model is a three-dimensional solid. In the
 solid, the clamp and the magnet restrain the cross-section, and the cross-section bows. If the magnet is shallower than
 the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
-per cent and the edges by tens of micrometres, which no planar model reproduces. The change is much larger than the
-noise, and is therefore computed again at each new optimum until the modulus hardly changes. The residuals belong to the
-solid on its own mesh. The change by a finer planar mesh is not added, because the corner singularities differ: the
-cross-section at the clamp is free in plane stress and restrained in the solid. The moduli from solids of 20 x 2 and of
-36 x 4 elements differ by less than 0.1 %, whether the change by a finer planar mesh is added or not.
+per cent and the edges by tens of micrometres, which no planar model reproduces. The change of the residuals is much
+larger than the noise. It is therefore computed again at each new optimum, until the modulus hardly changes. The
+correction for a finer planar mesh is not added, because the singularity at the corner of the clamp is another one in
+the solid: there the clamp restrains the cross-section, and in plane stress it does not. The mesh of the solid is fine
+enough: the moduli from solids of 20 x 2 and of 36 x 4 elements differ by less than 0.1 %.
 """
 
 from __future__ import annotations

@@ -94,11 +94,12 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return a misfit in which the correction of this experiment replaces the correction of ``before``.
+        """Return the misfit of this experiment, from the misfit of an experiment that differs only in its correction.
 
-        The misfit contains the residuals: the distances of the measured points from the simulated beam. A better beam
-        model changes the residuals by the correction ``change``, which is added to them. ``misfit`` was computed for
-        the experiment ``before``. The two experiments may differ only in ``change``.
+        A misfit contains the residuals, the distances of the measured points from the simulated beam. They are computed
+        with a simple beam model, and the correction ``change`` is added to them, which leads to the residuals of a
+        better model. ``misfit`` belongs to the experiment ``before``: its correction is subtracted, and the correction
+        of this experiment is added. No beam is simulated.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -172,13 +173,13 @@ class Comparison:
     max_stretch : ndarray, shape (P,)
         Largest stretch in the beam over all states, for each candidate.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if the candidates have different specimens or loads,
-        because the meshes may then differ. Candidates may differ in law, strength of the field and lens.
+        Simulated shapes of the beam in each experiment. Empty if the candidates have different specimens or different
+        loads, because their meshes may then differ too.
     misfits : tuple of Misfit
         Residuals (distances of measured from simulated points) of the candidates in each experiment.
     near : tuple of Shapes
-        Shapes from which the solver can start for similar candidates: in each experiment, those of the first candidate
-        and of the candidates that differ from the first one only in law, field and image.
+        Shapes from which the solver can start for similar candidates, in each experiment. They belong to the first
+        candidate, and to all candidates that have the specimen and the loads of the first.
     """
 
     unconverged: NDArray[np.bool_]
@@ -276,17 +277,18 @@ def compare(
     bulk_modulus_Pa : ndarray, shape (P,), optional
         Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        For each experiment, the factor on the field and the map from true positions to positions in the picture, for
-        each of the P candidate laws; the stated values by default.
+        For each experiment, two quantities that may be different for each candidate: a factor on the field, and the map
+        from true positions to positions in the picture. By default both have their stated values.
     near : sequence of Shapes
         For each experiment, shapes from an earlier call with ``keep``. The solver starts from the shape of the first
         candidate of that call.
     keep : bool
         Keep the full solution of the first candidate as a start for later calls.
     seen : sequence of (ndarray, sequence of mapping), optional
-        Groups of candidates with the same lens. Each group has the indices of its candidates and, for each experiment,
-        the deviations of the uncertain properties of the lens, by their keys in `SOURCES`. Every candidate belongs to
-        one group. By default all candidates have the stated lens.
+        The lens of every candidate, for fits that determine properties of the lens. Candidates with the same lens form
+        a group. A group has the indices of its candidates and one mapping for each experiment: from a property of the
+        lens (a key of `SOURCES`) to its deviation from the stated value. By default all candidates have the stated
+        lens.
 
     Returns
     -------
@@ -322,9 +324,10 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the distances of the measured points from the edges of all candidates (the misfit).
+    """Return the distances of the measured points from the simulated edges of all candidates (the misfit).
 
-    ``seen`` has groups of candidates with the same lens. The edges of each candidate are projected by this lens.
+    Candidates with the same lens form a group. ``seen`` has, for each group, the indices of its candidates and the
+    deviations of the lens; the edges are projected with this lens.
     """
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:

@@ -51,9 +51,9 @@ __all__ = [
 def signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances of points from curves that are continued straight beyond their ends.
 
-    The continuation is a twentieth of the length of the curve. The segment is selected by the nearest of four points on
-    each segment. Three steps of Newton's method then compute the foot of the perpendicular on the parabola of this
-    segment.
+    A curve is continued at each end by a twentieth of its length. The distance of a point is computed in two steps. The
+    nearest of four points on each segment gives the segment. Three steps of Newton's method then find the place on the
+    parabola of this segment at which the vector to the point is perpendicular to the curve.
 
     Parameters
     ----------

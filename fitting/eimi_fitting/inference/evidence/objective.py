@@ -1,16 +1,19 @@
 """Compute the objective of a fit: one number for each candidate law, from the evidence (edges, tensile curves, priors).
 
-State k has the error e_k in mm (`inference.evidence.measurements`), and e is the mean of e_k over all states. Let the
-noise of the edges be normal. The likelihood of N independent points, maximised over the noise level, is then
-proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). Tensile curves, freed nuisances
-(uncertain inputs that the fit determines) and priors on the law's parameters have standardised residuals z_j, with the
-likelihood exp(-sum_j z_j^2 / 2). The product of both likelihoods is largest where
+Let e_k be the error of state k in mm (`inference.evidence.measurements`), and e the mean of e_k over all states. If
+edges or tracked points are the only evidence, the objective is e. Further evidence increases it:
 
-    objective = e * exp(sum_j z_j^2 / (2 N))
+    objective = e * exp(sum_j z_j^2 / (2 N)).
 
-is smallest. The objective has the unit mm. If edges or tracked points are the only evidence, the objective is the mean
-error. N is smaller than the number of points, because neighbours on an edge are correlated
-(`inference.interval.covariance`).
+The z_j are the standardised residuals of tensile curves, of freed nuisances (uncertain inputs that the fit determines)
+and of priors on the law's parameters. N is the number of independent points of the edges. It is smaller than the number
+of points, because neighbours on an edge are correlated (`inference.interval.covariance`). The objective has the unit
+mm.
+
+The formula follows from the likelihood. The likelihood of N independent points with normal noise, maximised over the
+noise level, is proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of the
+other evidence is exp(-sum_j z_j^2 / 2). The objective is the product of both to the power -1/N, and is smallest where
+the product is largest.
 """
 
 from __future__ import annotations
@@ -111,11 +114,13 @@ class Evaluation:
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Residuals for least squares: one element for each experiment, and one for the standardised residuals z.
+        """Residuals for least squares: one `Misfit` for each experiment, and one for all standardised residuals z.
 
-        Let K be the number of states, N the number of independent points, and e the median of the mean errors of the
-        valid candidates. The last element has one state, with the residuals e sqrt(K / N) z and the error e. Near the
-        optimum, z then has the same weight in least squares and in the objective.
+        z are the residuals of tensile curves, freed inputs and priors, divided by their standard deviations.
+        Gauss-Newton works with residuals in mm. The last `Misfit` therefore has the residuals e sqrt(K / N) z, as if
+        they belonged to one more state with the error e. K is the number of states, N the number of independent points,
+        and e the median over the valid candidates of their mean errors. With this factor, z has the same weight in
+        least squares as in the objective, near the optimum.
         """
         standardised = self.standardised
         p, m = standardised.shape
@@ -161,10 +166,10 @@ class Problem:
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Replace the corrections of the problem ``before`` in an evaluation by the corrections of this problem.
+        """Return the evaluation of this problem, from the evaluation of a problem that differs only in its corrections.
 
-        Corrections by better beam models are added to the residuals. ``evaluation`` was computed for ``before``. The
-        two problems may differ only in corrections.
+        ``evaluation`` was computed for the problem ``before``. Corrections by better beam models are added to the
+        residuals: those of ``before`` are subtracted, and those of this problem are added. No beam is simulated.
         """
         comparison = evaluation.comparison
         misfits = tuple(

@@ -2,9 +2,9 @@
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
 Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
-noise of the edges. The fit does not weigh the prior against the uncertainty of a source that keeps its stated value,
-such as the width of the beam. If the modulus is more uncertain because of such a source than because of the prior, free
-the source (let the fit determine it). The prior then also determines the source.
+noise of the edges. The modulus from the edges may also be wrong because an input is wrong, such as the width of the
+beam. The fit does not consider this if the input keeps its stated value. If the input is the larger uncertainty of the
+modulus, free it (let the fit determine it together with the law). The prior then also helps to determine the input.
 """
 
 from __future__ import annotations

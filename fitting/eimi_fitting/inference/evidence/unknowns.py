@@ -169,9 +169,10 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the key of the source and the index of the part, for a freed number by its name in a result.
+    """Return the key in `SOURCES` and the index of the part that belong to a name in a result.
 
-    A freed number is an uncertain input, or a part of it such as its x component, that the fit determines.
+    The name is the name of a freed number: an uncertain input, or a part of it such as its x component, that the fit
+    determined. It may end with datasets, as in "... of dataset 1".
 
     Raises
     ------
@@ -201,9 +202,10 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one part (such as x or y) of the source of uncertainty in a fit to ``datasets`` datasets.
+        """Return the name of one part (such as x or y) of the uncertain input in a result.
 
-        The name contains the datasets that share the error, unless all datasets of the fit share it.
+        ``datasets`` is the number of datasets of the fit. If the error is not common to all of them, the name ends with
+        the datasets that share it, as in "... of datasets 0 and 2".
         """
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -213,20 +215,21 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Return the groups of datasets that share one error of a source of uncertainty (an uncertain input).
+    """Divide the datasets of a fit into groups; an uncertain input has the same error in all datasets of a group.
 
     Parameters
     ----------
     source : str
-        A key of `SOURCES`.
+        The uncertain input, a key of `SOURCES`.
     stated : sequence of sequence of StatedSource
-        The stated sources of each dataset.
+        For each dataset, the uncertain inputs that its files state.
 
     Returns
     -------
     tuple of SharedUnknowns
-        One element for each group. Datasets with the same object ``StatedSource.of`` form a group. The datasets that do
-        not specify the source form a group if ``Source.common`` is true, else each of these datasets is a group.
+        One element for each group. Datasets that name the same object in ``StatedSource.of``, such as the same coil,
+        form a group. Datasets that do not state the uncertainty of the input form one group if ``Source.common`` is
+        true; otherwise each of them is a group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -328,10 +331,11 @@ class Unknowns:
 
     @property
     def prior(self) -> Array:
-        """The inverse of the prior variance of each unit coordinate, shape (n,).
+        """The inverse of the prior variance of each of the n unit coordinates, shape (n,).
 
-        The value is 12 for the law and the bulk modulus, as for a uniform distribution on 0..1. For a nuisance (an
-        uncertain input) the value is 144, because the unit coordinate covers 12 prior standard deviations.
+        A coordinate of the law or of the bulk modulus has the variance of a uniform distribution from 0 to 1, which is
+        1/12. The coordinate of a freed nuisance (an uncertain input that the fit determines) covers 12 prior standard
+        deviations, so that its variance is 1/144.
         """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         precision[self.searched :] = (2 * RANGE) ** 2
@@ -384,9 +388,11 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates that have the same specimens and loads, with the deviations of their inputs.
+        """Return groups of candidates whose specimens and loads are the same, with the deviations from the stated ones.
 
-        A candidate is one set of values of the unknowns of a fit.
+        A candidate is one set of values of the unknowns of a fit. If the fit determines an input that changes the
+        specimen or the loads, such as the width, the candidates need different beam models. Each group can be solved
+        with one model.
 
         Parameters
         ----------
@@ -398,8 +404,9 @@ class Unknowns:
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group: the indices of its candidates, and one dictionary for each dataset. A dictionary maps the
-            source (a key of `SOURCES`) of each freed input to the deviations of its parts, shape (parts,).
+            For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
+            deviations of the inputs that the fit determines: the key is a key of `SOURCES`, the value an array with the
+            deviation of each part (such as x and y), shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 

@@ -88,8 +88,8 @@ class Moves:
     steps : Steps
         The change of the optimum for one standard uncertainty of each uncertain input.
     further : ndarray, shape (D, n), or float
-        Changes by an error that is no uncertain input, in unit coordinates. `units` adds these changes if at least one
-        factor on the errors of the inputs is not zero.
+        Changes by a further error that is neither noise nor an uncertain input, in unit coordinates. `Moves.units`
+        leaves these changes out if it is called for noise alone.
     """
 
     unit: Array
@@ -99,14 +99,18 @@ class Moves:
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return the n unknowns in D draws, with the errors of the draws multiplied by given factors.
+        """Return the n unknowns in D draws: the optimum plus its random errors, each kind multiplied by a given factor.
+
+        The intervals come from these draws. A factor of 0.5 shows the interval after a better measurement of an input,
+        and a factor of 0 leaves a kind of error out.
 
         Parameters
         ----------
         of_noise : float
             Factor on the changes of the optimum by noise, priors and errors of the beam models.
         of_sources : float or ndarray, shape (S,)
-            One factor on the errors of all S uncertain inputs, or one factor for each input.
+            One factor on the errors of all S uncertain inputs, or one factor for each input. 0 also leaves out the
+            changes ``further``.
 
         Returns
         -------

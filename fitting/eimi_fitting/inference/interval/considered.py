@@ -158,7 +158,7 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the change of the residuals if one uncertain number deviates by its standard uncertainty.
+    """Return the changes of the residuals when one uncertain number at a time deviates by its standard uncertainty.
 
     A source is an uncertain input, such as the position of the clamp. Its uncertain numbers are its parts, such as x
     and y.
@@ -168,16 +168,17 @@ def changes_of(
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Unit coordinates at which the changes are computed. If the fit determines a source, its deviation is added to
-        the value that these coordinates contain. Otherwise it is added to the stated value.
+        The candidate whose residuals are computed, in unit coordinates (0 to 1). A number that the fit determines
+        deviates from its value in this candidate, and any other number from its stated value.
     numbers : sequence of (SharedUnknowns, int)
         Each uncertain number, as a source and the index of a part of this source.
 
     Returns
     -------
     list of list
-        For each experiment and each number, the change in mm, with the shape (K, G, m) for G groups (edges, or x and y)
-        of m points in K states. None if the number does not belong to the experiment or the model finds no equilibrium.
+        One list for each experiment, with one entry for each number: the change of the residuals in mm, with the shape
+        (K, G, m) for G groups (edges, or x and y) of m points in K states. None if the number does not belong to the
+        experiment or the model finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -313,8 +314,9 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Change for one standard uncertainty of each source, in unit coordinates (the bounds of the search are 0 and 1).
     held : ndarray, shape (n,)
-        Vector from an optimum on a bound to the optimum without this bound, at most two standard deviations long. Zero
-        if no bound is active or if there is no source.
+        If an unknown of the optimum lies on a bound of the search: the vector from this optimum to the optimum without
+        the bound, in unit coordinates, at most two standard deviations long. Zero if no unknown lies on a bound, or if
+        there is no source.
     """
 
     sizes: Array
@@ -345,9 +347,9 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
 
     Notes
     -----
-    If the optimum lies on a bound, errors of the sources may be the reason, and the bound limits the change of the
-    optimum. The least-squares optimum without bounds is unbiased and normally distributed. The intervals are therefore
-    centred on the optimum without bounds, at most two standard deviations beyond the bound.
+    An unknown of the optimum may lie on a bound of the search because an input has an error. Without the bound, the
+    optimum would move further, and its distribution would be normal about the true value. The intervals are therefore
+    centred on the optimum without bounds, but at most two standard deviations beyond the bound (``Steps.held``).
     """
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):

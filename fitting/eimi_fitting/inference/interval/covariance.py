@@ -80,12 +80,19 @@ class LinearStates:
     def score_variance(self, observed: Observation) -> Array:
         """Return the contribution of this experiment to the variance B of the score, shape (n, n).
 
-        The score is the gradient of minus the log-likelihood.
+        The score is the gradient of minus the log-likelihood. The symbols are defined in the module
+        `inference.interval.covariance`. For edges,
 
-        For edges, B = sum_k tau w_k^2 e_k^2 J_k' J_k with the symbols of the module `inference.interval.covariance`.
-        Tracked points are assumed to have one common error in x and one in y in each state: B = sum_k w_k^2 v_k S_k'
-        S_k. S_k are the slopes summed over the points, for x and for y. The variance v_k is the mean square of the
-        stated uncertainties or e_k^2 / 2, whichever is larger.
+            B = sum_k tau w_k^2 e_k^2 J_k' J_k.
+
+        For tracked points, all points of a state are assumed to have the same error: one in x and one in y. Such an
+        error shifts all points together, and the residuals change by S_k, the sum of the slopes over the points.
+        Therefore
+
+            B = sum_k w_k^2 v_k S_k' S_k.
+
+        The variance v_k of the common error is the mean square of the stated uncertainties, or e_k^2 / 2 if this is
+        larger.
         """
         if isinstance(observed, EdgeObservation):
             tau = point_correlation(self.residuals, self.used, observed)
@@ -201,21 +208,22 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return the distance of each prior on a parameter of the law from the other evidence.
+        """Return how far each prior on a parameter of the law is from the other evidence, in standard deviations.
 
         The other evidence is the edges, the tensile curves and the other priors.
 
         Returns
         -------
         tuple of float
-            For each prior, the distance in standard deviations of the difference between prior and other evidence.
+            One distance for each prior, positive if the parameter is above the mean of the prior.
 
         Notes
         -----
-        Let z be the standardised residual of a prior at the optimum, s its derivative in the unknowns, and H the
-        Hessian without this prior. At the optimum without this prior, the residual is z (1 + s' inv(H) s). If prior and
-        data agree, the variance of this residual is 1 + s' inv(H) s. The distance is the residual divided by its
-        standard deviation, z sqrt(1 + s' inv(H) s).
+        The distance is the difference between the prior and the parameter that the other evidence gives, divided by the
+        standard deviation of this difference. No second fit is needed: let z be the standardised residual of the prior
+        at the optimum, s its derivative in the unknowns, and H the Hessian without this prior. Without the prior, the
+        residual at the optimum would be z (1 + s' inv(H) s). Its variance is 1 (from the prior) plus s' inv(H) s (from
+        the other evidence). The quotient of the residual and its standard deviation is z sqrt(1 + s' inv(H) s).
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
@@ -340,10 +348,9 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
     """Return the contribution of the tensile curves to the variance of the score in n unknowns, shape (n, n).
 
-    The score is the gradient of minus the log-likelihood.
-
-    The residuals ``z`` at the optimum of the joint fit give the noise of each curve. This noise is at least the noise
-    of a fit to the curve alone.
+    The score is the gradient of minus the log-likelihood. Its variance follows from the noise of each curve, which is
+    taken from the residuals of the joint fit (``z``, standardised), but is at least the noise of a fit to the curve
+    alone. slopes: the derivatives of ``z`` in the unknowns.
     """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0

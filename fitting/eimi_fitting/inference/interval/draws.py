@@ -59,7 +59,11 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw changes of the optimum by noise, priors and remaining errors of the beam models.
+    """Draw random changes of the optimum by noise, priors and the remaining errors of the beam models.
+
+    The changes by noise and priors are normal with the given covariance. If the interval of an unknown is asymmetric,
+    negative and positive changes of this unknown are scaled to the lower and the upper end. Each error of a beam model
+    adds a normal number times its effect on the unknowns.
 
     Parameters
     ----------
@@ -70,14 +74,14 @@ def draw_noise(
     covariance : ndarray, shape (n, n)
         Covariance of the optimum due to noise and priors.
     ends : Ends
-        Ends of the 95 % intervals. If the profile likelihood gives the ends for an unknown, the draws of this unknown
-        are scaled to these ends.
+        Ends of the 95 % intervals. Only the unknowns whose ends come from the profile likelihood (``ends.profiled``)
+        are scaled to them.
     model_errors : ndarray, shape (C, n)
         For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
         in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        For each of the C errors, an additional change of the first unknown, which determines the modulus, by one
-        standard deviation of the error.
+        For each of the C errors, the standard deviation of a further independent change of the first unknown, which
+        determines the modulus.
 
     Returns
     -------

@@ -228,18 +228,20 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors of the unknowns that remain after C corrections by better beam models.
+    """Return 95 % bounds of the errors that remain after C corrections by better beam models, in unit coordinates.
+
+    The bounds of the search are the unit coordinates 0 and 1.
 
     Returns
     -------
     model_errors : ndarray, shape (C, n)
-        Bounds for the n unknowns in unit coordinates (the bounds of the search are 0 and 1): the change of the optimum
-        by each correction, times the share that remains uncertain.
+        A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
+        that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        Additional bounds for the modulus: sqrt(b² - a²), or 0 if a > b. Here a is the bound of the modulus in
-        ``model_errors``. b is the bound of the modulus if the other unknowns are fixed, or ``Effect.least_percent`` if
-        this percentage is larger. The additional bounds are needed because the other unknowns may absorb a part of the
-        error of a beam model.
+        A further bound for the modulus. An error of the beam model can hide in the other unknowns, and the bound of the
+        modulus in ``model_errors``, a, is then too small. Let b be the bound of the modulus if the other unknowns are
+        fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or 0 if a > b, so that
+        both together give b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -277,12 +279,12 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the factor by which the intervals are widened because the noise level is estimated.
+    """Return the factor by which the intervals are wider because the level of the noise is only an estimate.
 
-    The factor is the 97.5 % quantile of Student's t divided by the 97.5 % quantile of the normal distribution. Level
-    and correlation of the noise of edges are estimated from the residuals. Each edge is one cluster of correlated
-    residuals, so that E edges give at most E - 1 degrees of freedom (Bester, Conley and Hansen 2011, J. Econometrics
-    165:137). The factor is 1 for tracked points, because their uncertainty is stated.
+    The factor is the 97.5 % quantile of Student's t divided by the same quantile of the normal distribution. The number
+    of degrees of freedom is the number of independent points minus the number of unknowns, but at most E - 1 for E
+    edges, because the errors along one edge are correlated (Bester, Conley and Hansen 2011, J. Econometrics 165:137).
+    For tracked points the noise is stated and not estimated, and the factor is 1.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         return 1.0
