@@ -101,7 +101,7 @@ class Transient:
         long_term = np.where(is_modulus, float(series.long_term) * parameters, parameters)
         rest = model.solve(law, long_term[None], loads, tolerance_mm=_TOLERANCE_MM)
         if not rest.converged[0]:
-            raise NotSolved("no equilibrium of the beam was computed under the loads at the start of the motion")
+            raise NotSolved("the beam has no computed equilibrium under the loads at the start of the motion")
         now = rest.last
         elastic = self._evaluated(self._instantaneous, now.displacement).S
         body = self._inertia

@@ -286,11 +286,11 @@ def _febio(material: Material) -> str:
 
 
 def _sofa(material: Material) -> str:
-    """Return the force field TetrahedronHyperelasticityFEMForceField for SOFA.
+    """Return the card for SOFA: an XML element TetrahedronHyperelasticityFEMForceField with the law and its constants.
 
-    materialName is the law's keyword. ParameterSet contains all constants, including the constants of the volumetric
-    energy. Versions of SOFA after v26.06 also have HyperelasticityFEMForceField, with a component for each law. The
-    comments in the card give the constants for this component.
+    The attribute materialName is the law's name in SOFA. The attribute ParameterSet contains all constants, also those
+    of the volumetric energy. Versions of SOFA after v26.06 have another element, HyperelasticityFEMForceField, with a
+    separate element for the law; comments in the card give the constants for it.
     """
     time = [] if material.relaxation is None else [_WITHOUT_TIME]
     material = material.long_term

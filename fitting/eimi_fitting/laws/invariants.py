@@ -22,9 +22,10 @@ Array = NDArray[np.float64]
 
 
 class _Invariant(NamedTuple):
-    """The value of an invariant of a planar deformation, and the derivatives of the invariant by a and J.
+    """The value of an invariant (I1 or I2) of a planar deformation, and its derivatives by a and J.
 
-    a = F : F and J = det F with the deformation gradient F in the plane. The second derivative by a is zero.
+    Let F be the deformation gradient in the plane, a = F : F and J = det F. The field ``a`` is the first derivative by
+    a, ``aJ`` the mixed second derivative, and so on. The second derivative by a is zero.
     """
 
     value: Array
@@ -66,7 +67,10 @@ def _second_invariant(a: Array, J: Array, section: Section) -> _Invariant:
 
 
 class InvariantEnergy(ABC):
-    """A strain energy W(x, y) with x = I1 - 3 and y = I2 - 3, linear in y and without a product of x and y.
+    """The base class of a strain energy W(x, y) with x = I1 - 3 and y = I2 - 3.
+
+    W must be the sum of a function of x and a multiple of y. The only second derivative that is not zero is then
+    d²W/dx².
 
     Attributes
     ----------

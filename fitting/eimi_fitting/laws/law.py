@@ -1,8 +1,8 @@
 """The interface of a hyperelastic law, and the types of the arguments and results of its methods.
 
-Let F be the deformation gradient in the plane. The strain energy psi of an isotropic law in a planar deformation
-depends only on a = F : F and J = det F. A planar element therefore needs psi(a, J) and the five first and second
-derivatives of psi. There are two planar sections:
+In a planar deformation, let F be the deformation gradient in the plane (2, 2), a = F : F and J = det F. The strain
+energy psi of an isotropic law depends only on a and J. A planar element therefore needs psi(a, J) and the five first
+and second derivatives of psi. The third principal stretch follows from the section:
 
 plane strain   The third principal stretch is 1. The isochoric invariants are I1 = J^(-2/3) (a + 1) and
                I2 = J^(-4/3) (a + J^2). The element adds the energy of the volume, with the pressure as an unknown.

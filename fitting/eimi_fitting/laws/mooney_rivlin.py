@@ -7,10 +7,10 @@ in `laws.stability`) is positive. The determinant is, up to a positive factor,
 
     D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
 
-D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Among all
-deformations with the same I1, the equibiaxial tension has the largest I2, and its largest principal stretch is smaller
-than that of any other of these deformations. If a deformation is unstable, the equibiaxial tension with the same I1 is
-therefore unstable too, at a smaller stretch. The limit is thus the first zero of D in equibiaxial tension, the smallest
+D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Compare all
+deformations with the same I1. The equibiaxial tension has the largest I2 of them, and the smallest value of the largest
+principal stretch. If any of them is unstable, the equibiaxial tension is therefore unstable too, at a smaller stretch.
+Only equibiaxial tension has to be examined. The limit is the first zero of D in equibiaxial tension: the smallest
 positive root of a polynomial in the square of the stretch.
 """
 

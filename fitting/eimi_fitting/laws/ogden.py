@@ -53,10 +53,10 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return the number of terms that the series of `_cosh_of_scaled_angle` needs for full precision, at most ten.
+    """Return how many terms of its series `_cosh_of_scaled_angle` must add for full precision, at most ten.
 
-    The number suffices for the second derivative. nu2: largest square of nu; z: largest c - 1. `_cosh_of_scaled_angle`
-    defines nu and c.
+    The number is large enough also for the second derivative. nu2: the largest nu^2 of all arguments; z: the largest c
+    - 1.
     """
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
@@ -70,12 +70,13 @@ def _number_of_terms(nu2: float, z: float) -> int:
 def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
     """Return g(c) = cosh(nu arccosh c) for c >= 1, and its first two derivatives by c.
 
-    With nu = alpha/2 and c = a/(2 J) = cosh(ln(lambda1/lambda2)), lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c).
-    At equal stretches, c = 1, the closed forms of the derivatives are 0/0. For c near 1, g is therefore computed by the
-    series of the Chebyshev function T_nu in powers of c - 1 (Abramowitz and Stegun, 15.4.3). The coefficients b_k of
-    the series satisfy
+    The energy of an Ogden term contains lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c), with nu = alpha/2 and c =
+    a/(2 J). At equal stretches, c = 1, the usual formulas of the derivatives are 0/0. Near c = 1, g is therefore
+    computed as a power series, the sum of b_k (c - 1)^k with b_0 = 1 and
 
-        b_(k+1) / b_k = (nu^2 - k^2) / ((2k + 1)(k + 1)).
+        b_(k+1) / b_k = (nu^2 - k^2) / ((2k + 1)(k + 1))
+
+    (Chebyshev function T_nu; Abramowitz and Stegun, 15.4.3).
     """
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
@@ -252,9 +253,10 @@ class Ogden:
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
-    """Return the engineering stress (m, 3) of each of three Ogden terms that contribute 1 to the initial shear modulus.
+    """Return the engineering stress of each of three Ogden terms at m strains, (m, 3), for a modulus of 1.
 
-    strain: engineering strains (m,). A contribution of 1 means mu_p alpha_p / 2 = 1.
+    The modulus of a term is its contribution mu_p alpha_p / 2 to the initial shear modulus. exponents: the three
+    exponents alpha_p. strain: engineering strains (m,).
     """
     parameters = np.zeros((3, 6))
     parameters[:, 1::2] = exponents
@@ -301,10 +303,10 @@ def _with_intervals(
 ) -> StressFit:
     """Return the tensile fit of the Ogden law with its 95 % intervals.
 
-    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 to the initial shear
-    modulus, for terms with a positive contribution. The range of an exponent is used as a normal prior with the
-    variance of a uniform distribution. If the contribution of a term is zero, the data do not determine its exponent.
-    The interval of its modulus then ends at the largest modulus that could not be detected in the noise.
+    The intervals come from the linearised stress. The unknowns are the exponents alpha_p and the contributions mu_p
+    alpha_p / 2 to the initial shear modulus. The bounds of an exponent (``ranges``) are a normal prior with the
+    variance of a uniform distribution between them. The data do not determine the exponent of a term whose contribution
+    is zero. The interval of its modulus goes from zero to the largest modulus that the noise could hide.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

@@ -5,14 +5,14 @@ The search varies coordinates between 0 and 1. These unit coordinates are mapped
 bending test determines the initial shear modulus well and the ratios poorly. Therefore the initial shear modulus is a
 coordinate of its own.
 
-The bulk modulus K can be added as a last coordinate, log10(K/mu), with the initial shear modulus mu. In plane strain
-the bending stiffness depends on Young's modulus E and Poisson's ratio nu as
+The bulk modulus K can be added as a last coordinate, log10(K/mu), with the initial shear modulus mu. The first
+coordinate is then no longer mu, but a quarter of
 
-    E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu).
+    E / (1 - nu^2) = 4 mu (3 K + mu) / (3 K + 4 mu),
 
-A quarter of E / (1 - nu^2) then replaces mu as the first coordinate. For an incompressible material this quarter equals
-mu. Above K/mu = 100 the shapes of the beam hardly depend on K. The upper end of the 95 % interval of K/mu is then the
-upper bound of the search.
+because a bending test in plane strain determines this stiffness and not mu. E is Young's modulus and nu Poisson's
+ratio. The quarter equals mu if the material is incompressible. Above K/mu = 100 the shapes of the beam hardly depend on
+K. The upper end of the 95 % interval of K/mu is then the upper bound of the search.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Proof of Drucker stability over cells of deformations, for a strain energy with a diagonal Hessian.
+"""Proof of Drucker stability for all deformations of a cell at once, for a strain energy with a diagonal Hessian.
 
-`laws.stability` defines Drucker's criterion, and the triangle of deformations that is examined. For a strain energy
-such as Ogden's, the Hessian by the logarithmic stretches e_i is diagonal with the entries f(e_i). Here f(e) is the sum
-over p of weight_p exp(alpha_p e). A lower bound of f on intervals of e therefore proves that every deformation of a
-cell is stable.
+`laws.stability` defines Drucker's criterion, and the triangle of deformations that is examined. The triangle is divided
+into cells. For a strain energy such as Ogden's, the Hessian by the three logarithmic stretches e_i is diagonal with the
+entries f(e_i), where f(e) is the sum over p of weight_p exp(alpha_p e). In a cell, each e_i lies in an interval. If the
+criterion is fulfilled even with the lower bounds of f on the three intervals, all deformations of the cell are stable.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ _MOST_CELLS = 100_000
 def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     """Return the logarithm of the stretch up to which all deformations are proved to be stable.
 
-    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest logarithmic stretch, and s
-    runs from -1/2 (uniaxial tension) through 0 (planar tension) to 1 (equibiaxial tension). A cell is an interval of l
-    times an interval of s. Each cell is divided into four cells until all deformations of the cell are proved stable,
-    or until a deformation with a smaller l is known to be unstable.
+    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest one, and s is -1/2 in
+    uniaxial tension, 0 in planar tension and 1 in equibiaxial tension. A cell is an interval of l and an interval of s.
+    A cell that is not proved stable is divided into four smaller cells, and these are examined again. Cells are no
+    longer examined if their l is larger than that of a deformation which is known to be unstable. The result is the
+    smallest l of the cells that remain without a proof.
 
     Parameters
     ----------
@@ -71,11 +72,12 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 
 
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Return a lower bound (n,) of f(e) for e between start and end, for n intervals.
+    """Return a number that f(e) does not fall below for e between ``start`` and ``end``, for n intervals, (n,).
 
-    f(e), the sum of weight exp(alpha e) over the terms, is an entry of the Hessian of the strain energy. A tangent lies
-    below each convex term, and a chord lies below each concave term. The sum of these lines is a straight line, whose
-    minimum is at one end of the interval.
+    f(e) is the sum of the terms weight exp(alpha e), an entry of the Hessian of the strain energy. A term with a
+    positive weight is convex and lies above its tangent. A term with a negative weight is concave and lies above its
+    chord. f therefore lies above the sum of these straight lines, which is smallest at one end of the interval. A
+    second bound is the sum of the smallest values of the terms. The larger of the two bounds is returned.
     """
     start, end = start[..., None], end[..., None]
     first, last = weight * np.exp(alpha * start), weight * np.exp(alpha * end)
@@ -89,5 +91,5 @@ def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array
 
 
 def _is_positive_definite(a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
-    """Return whether the matrix diag(a, b, c) is positive definite for all vectors whose components add up to zero."""
+    """Return whether a d_1^2 + b d_2^2 + c d_3^2 > 0 for all d other than zero with d_1 + d_2 + d_3 = 0."""
     return np.asarray((a + b + c > 0) & (a * b + b * c + c * a > 0))

@@ -206,10 +206,10 @@ class SumOfTerms:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """The initial shear modulus mu0 (Pa), then mu/mu0 or C/mu0 of each term except one.
+        """The coordinates of the search: the initial shear modulus mu0 in Pa, then quotients coefficient / mu0.
 
-        Here mu or C is the coefficient of the term. The excluded term is the first term whose coefficient contributes
-        to mu0.
+        Every term has a quotient except the first term whose coefficient is a part of mu0. The coefficient of this term
+        is mu0 minus the other coefficients that are a part of mu0.
         """
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
@@ -252,9 +252,10 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the parameters (..., 6) of Ogden laws with three terms each, which together contain all Ogden terms.
+        """Return the parameters (..., 6) of laws `Ogden` whose sum consists of all Ogden terms of this law.
 
-        The coefficient mu and the exponent alpha of a term give the modulus mu_p = 2 mu/alpha of the law `Ogden`.
+        Each law `Ogden` has three terms; unused terms have the modulus zero. A term of this law with the coefficient mu
+        and the exponent alpha has the modulus mu_p = 2 mu/alpha in `Ogden`.
         """
         laws = []
         for first in range(0, len(self._ogden), 3):

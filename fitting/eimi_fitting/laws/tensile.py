@@ -203,11 +203,14 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law to a tensile curve: search the dimensionless coordinates, with least squares for the modulus.
+    """Fit any law to a tensile curve: the ratios are searched, and the modulus follows for given ratios.
 
-    See `Law.fit_stress`. For the intervals, the range of a coordinate is used as a normal prior with the variance of a
-    uniform distribution. The interval of a coordinate ends at the bounds of the search. The interval of a dimensionless
-    parameter contains the values of this parameter at all combinations of the ends of the coordinates' intervals.
+    See `Law.fit_stress`. The ratios are the dimensionless coordinates of the law, which have bounds. The stress is
+    proportional to the modulus, so that linear least squares gives the best modulus for given ratios.
+
+    For the intervals, the bounds of a ratio are a normal prior with the variance of a uniform distribution between
+    them, and the interval of the ratio ends at the bounds. A dimensionless parameter of the law depends on the ratios.
+    Its interval contains its values at all combinations of the ends of their intervals.
     """
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])

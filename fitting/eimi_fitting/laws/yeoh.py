@@ -7,12 +7,12 @@ in `laws.stability`) is positive. With the invariants I1 and I2, the determinant
 
     D = W' (W' I2 + W'' (I1 I2 - 9)),
 
-where a prime is the derivative by I1. D can become zero only if W'' is negative, because W' is positive at rest and
-I1 I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative, so that D is not positive for any larger I2 at
-the same I1. Among all deformations with the same I1, the equibiaxial tension has the largest I2, and its largest
-principal stretch is smaller than that of any other of these deformations. If a deformation is unstable, the equibiaxial
-tension with the same I1 is therefore unstable too, at a smaller stretch. The limit is thus the first zero of D in
-equibiaxial tension, the smallest positive root of a polynomial in the square of the stretch.
+where a prime is the derivative by I1. D can become zero only if W'' is negative, because W' is positive at rest and I1
+I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative, so that D is not positive for any larger I2 at
+the same I1. Compare all deformations with the same I1. The equibiaxial tension has the largest I2 of them, and the
+smallest value of the largest principal stretch. If any of them is unstable, the equibiaxial tension is therefore
+unstable too, at a smaller stretch. Only equibiaxial tension has to be examined. The limit is the first zero of D in
+equibiaxial tension: the smallest positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ Array = NDArray[np.float64]
 
 
 def _stiffness() -> Array:
-    """Return the coefficients of the polynomial q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, (10, 3).
+    """Return the polynomial whose smallest positive root gives the stability limit, as coefficients of shape (10, 3).
 
-    q is the square of the two equal stretches. The polynomial is written in powers of q - 1, one row for each power.
-    Its smallest positive root q - 1 gives the stability limit. The columns are the parameters C10, C20 and C30, in
-    which the polynomial is linear. In equibiaxial tension
+    The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, where q is the square of the two equal
+    stretches (see the module). It is a polynomial in q - 1, and linear in the parameters C10, C20 and C30. Row k of the
+    result belongs to the power k of q - 1, and each column to one parameter. The powers of q follow from
 
         I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """

@@ -1,9 +1,10 @@
 """Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
 
 Let A be the information of the data (the second derivatives of minus the log-likelihood) and P the diagonal inverse
-variance of the priors (`inference.interval.covariance`). The eigenvectors of P^(-1/2) A P^(-1/2) are combinations of
-unknowns with independent errors. A combination with the eigenvalue v has the prior standard deviation s_0 before the
-fit and s_0 / sqrt(1 + v) after the fit.
+variance of the priors (`inference.interval.covariance`). If every unknown is divided by its prior standard deviation,
+the information becomes P^(-1/2) A P^(-1/2). The eigenvectors of this matrix are combinations of unknowns whose errors
+are independent of each other. The fit multiplies the standard deviation of a combination by 1 / sqrt(1 + v), with the
+eigenvalue v. The data thus determine a combination if v is large, and say nothing about it if v = 0.
 """
 
 from __future__ import annotations

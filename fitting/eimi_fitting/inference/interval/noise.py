@@ -150,8 +150,10 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
     Notes
     -----
-    Let the noise have N independent points and the mean error e in mm, and let E be the mean error in mm of all
-    residuals. The likelihood uses N (E / e)^2 points, so that the weights w_k correspond to the level of the noise.
+    The weights w_k of the states (`inference.interval.covariance`) are N divided by the square of the error of all
+    residuals, up to a constant. They should contain the error of the noise instead. Let E be the mean error of all
+    residuals in mm, e the mean error of the noise, and N the number of independent points of the noise. The weights are
+    therefore computed with N (E / e)^2 points in place of N.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -262,12 +264,12 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return e exp(q / (2 N)) in mm, for the mean e of the errors of all states and N = ``points`` independent points.
+    """Return the measure of a common fit of unknowns and uncertain inputs, in mm; a smaller number is a better fit.
 
-    The error of a state is its root mean square residual.
-
-    e contains the error of the beam model. q is the sum of the squared deviations of all uncertain inputs, in standard
-    uncertainties. The logarithm of the result is minus the log-likelihood divided by N.
+    The measure is e exp(q / (2 N)). Here e is the mean over the states of the root mean square residual, which includes
+    the error of the beam model (``model_mm``). q is the sum of the squared deviations of all uncertain inputs from
+    their stated values, in standard uncertainties. N is ``points``, the number of independent points. The logarithm of
+    the measure is minus the log-likelihood divided by N.
     """
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
@@ -277,8 +279,10 @@ def _value(
 def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
-    ``misfit`` has the residuals of 2 n + 1 candidates, and ``distance`` (n,) the distance of the two candidates of each
-    difference. The shape of the result is (n, K, G, m) for G groups (edges, or x and y) of m points in K states.
+    ``misfit`` has the residuals of the 2 n + 1 candidates of `difference_batch`: a point, then n candidates with one
+    coordinate increased, then n candidates with one coordinate decreased. ``distance`` (n,) has the distance between
+    the increased and the decreased value of each coordinate. The shape of the result is (n, K, G, m) for G groups
+    (edges, or x and y) of m points in K states.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -306,7 +310,11 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Minimise the squared linearised residuals and priors, with weights from the remaining residuals.
+    """Return the unknowns and uncertain inputs that explain the linearised residuals best, and the remaining residuals.
+
+    The weighted sum of the squared residuals plus the squared deviations of the priors is minimised. The weights depend
+    on the residuals that remain. The minimum is therefore computed again with new weights, until the mean error hardly
+    changes.
 
     Parameters
     ----------
@@ -348,9 +356,10 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with new weights w_k in the fit, from level and correlation of their residuals.
+    """Return the states with the weights w_k that belong to their present residuals (`inference.interval.covariance`).
 
-    The module `inference.interval.covariance` defines the weights.
+    The weights are large if the residuals are small, and if few neighbouring residuals are correlated. ``model_mm`` has
+    the error of the beam model in mm, which is added to the error of each state.
     """
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())

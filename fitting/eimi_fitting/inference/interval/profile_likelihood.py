@@ -99,9 +99,10 @@ class _End:
     def advance(self, unit: Array, hessian: Array) -> None:
         """Replace ``point`` by a better candidate for the end of the interval.
 
-        The deviance is approximated by a quadratic function. For each value of ``coordinate``, the other coordinates
-        are chosen so that this function is smallest. The new candidate is the point where this minimum equals
-        ``target``. unit: the optimum; hessian: the Hessian of half the deviance.
+        The end lies where the profile has the value ``target``. The profile is the smallest deviance for a given value
+        of ``coordinate``; it is approximated with the Hessian of half the deviance at the optimum. The distance of the
+        new candidate from the optimum is changed so that this approximation has the value ``target``, and the other
+        coordinates are moved to the minimum. unit: the optimum; hessian: the Hessian.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])

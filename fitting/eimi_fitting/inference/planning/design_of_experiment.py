@@ -1,17 +1,21 @@
 """Choose the states to measure next, so that the interval of a quantity becomes narrow.
 
-Every state that could be measured is linearised about the law of an earlier fit. J is the derivative of the edges of
-this state in the unknowns of the law. C is the change of these edges for one standard uncertainty of each source of
-uncertainty. w is the inverse variance of an independent edge point in 1/mm^2, the same in all states. P is the inverse
-variance of the unknowns before the measurement. t is the 97.5 % quantile of Student's distribution divided by the 97.5
-% quantile of the normal distribution. With sums over the points of the chosen states, a choice of states has
+The law of an earlier fit is known. Every state that could be measured is linearised about this law:
 
-    information                         A = w sum J'J,  H = A + P
-    change of the optimum by sources    S = inv(H) w sum J'C
-    covariance                          inv(H) (t^2 A + P) inv(H) + S S'
+    J    the derivative of the edges of the state in the unknowns of the law
+    C    the change of these edges for one standard uncertainty of each uncertain input
+    w    the inverse variance of an independent edge point in 1/mm^2, the same in all states
+
+Let P be the inverse variance of the unknowns before the measurement, and t the 97.5 % quantile of Student's
+distribution divided by the same quantile of the normal distribution. If some states are chosen, the sums of J'J and J'C
+over the points of these states give
+
+    information                          A = w sum J'J,  H = A + P
+    change of the unknowns by the inputs S = inv(H) w sum J'C
+    covariance of the unknowns           inv(H) (t^2 A + P) inv(H) + S S'
 
 `inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
-`inference.planning.exchange` chooses the states.
+`inference.planning.exchange` chooses the states for which the variance of the quantity is smallest.
 """
 
 from __future__ import annotations
@@ -205,12 +209,12 @@ class Candidates:
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of ``half_width_percent``, in per cent, for all choices of ``states`` states.
+        """Return a lower bound of ``half_width_percent``: no choice of ``states`` states gives a narrower interval.
 
-        For the noise, the bound assumes that every state determines the quantity as well as the best state. For an
-        error of an uncertain input, the estimate from several states is a weighted mean of the estimates from single
-        states, and its error is the same weighted mean of their errors. The weights are non-negative and their sum is
-        one. Non-negative least squares gives the weights with the smallest sum of squared errors.
+        The bound is in per cent. The noise is computed as if every state determined the quantity as well as the best
+        state does. The error due to an uncertain input is a weighted mean of the errors that single states would have,
+        and the weights depend on the choice. The bound uses the weights with the smallest sum of squared errors
+        (non-negative least squares; the weights add up to one).
 
         Raises
         ------
@@ -283,7 +287,7 @@ def candidates(
     unknowns, unit = known.unknowns()
     problem = Problem(known.law, unknowns, (experiment,))
     slopes = slopes_of(problem, unit)
-    scale = over_variance(noise, slopes.shape[-1])
+    scale = weight_of_point(noise, slopes.shape[-1])
     moved = {s.name: change for s in considered(problem, unit) if (change := s.changes[0]) is not None}
     if specimen.section != "solid":  # a solid specimen is fitted on the mesh of the solid
         moved |= _mesh(problem, unit, along)
@@ -353,12 +357,13 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
     return {FINER_MESH.name: scale * FINER_MESH.remaining_share / NORMAL_95 * mesh_correction.changes[0]}
 
 
-def over_variance(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the factor w of the matrix w sum J'J in 1/mm^2, if the sum is over the points of simulated edges.
+def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
+    """Return the weight w in 1/mm^2 of each simulated edge point, as if the edges of a state were measured.
 
-    J are the derivatives of these points, and the matrix is the information of a measurement. The simulated edges have
-    another number of points than the measured edges. The factor is therefore the inverse variance of an independent
-    point, times the number of independent measured points, divided by the number of simulated points.
+    The information of a measurement is w sum J'J, where J are the derivatives of the points. The sum over the simulated
+    points must give the same information as the measured points, which have another number and of which only one in
+    ``noise.alike`` is independent. w is therefore the inverse variance of a point, times the number of independent
+    measured points, divided by the number of simulated points.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 

@@ -13,11 +13,11 @@ three-dimensional one (`inference.planning.section_bias`). The remaining error o
 error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the planar model is
 divided by 1 + bias instead.
 
-A further state can widen the interval, because some stated uncertainties have a larger effect on the modulus in a
-larger bending. The earlier estimate with its narrower interval is kept if two conditions hold: the residuals of all
-states, counted as noise, would widen the earlier interval by at most 5 %, and the earlier interval contains the
-estimate from all states. The width of an interval depends on the loads and hardly on the data, so that the choice of
-the narrower interval keeps its probability of 95 %.
+A further state can make the interval wider, because some stated uncertainties have a larger effect on the modulus if
+the beam bends more. The estimate before this state is then kept, with its narrower interval, under two conditions: the
+residuals of all states, counted as noise, would widen its interval by at most 5 %, and its interval contains the
+estimate from all states. The choice of the narrower interval does not reduce its probability of 95 %, because the width
+of an interval depends on the loads and hardly on the measured edges.
 """
 
 from __future__ import annotations

@@ -24,10 +24,10 @@ from eimi_fitting.inference.planning.design_of_experiment import (
     EdgeNoise,
     KnownLaw,
     experiment_without_noise,
-    over_variance,
     planar_model,
     slopes_of,
     states_reached,
+    weight_of_point,
 )
 
 Array = NDArray[np.float64]
@@ -37,9 +37,10 @@ Array = NDArray[np.float64]
 class Rivals:
     """S states that could distinguish a first law from a second law, the rival.
 
-    The states are linearised in m quantities: the unknowns of the rival and the uncertain inputs (sources of
-    uncertainty). J are the derivatives of the edges in these quantities, in mm. r are the distances in mm of the edges
-    of the rival from the edges of the first law. w is the inverse variance of an independent edge point in 1/mm^2.
+    The edges of the rival are compared with the edges of the first law. Their distances r in mm are linearised in m
+    quantities, the unknowns of the rival and the uncertain inputs; J are the derivatives of r in these quantities. With
+    w, the inverse variance of an independent edge point in 1/mm^2, the sums below give the distances that remain when
+    the rival is fitted to the first law.
 
     Attributes
     ----------
@@ -68,9 +69,10 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the criterion of D choices of K states, shape (D,): 1 / (expected difference in AIC of the two laws).
+        """Return the inverse of the expected difference in AIC of the two laws, for D choices of K states, shape (D,).
 
-        `exchange` minimises this criterion. ``choices`` has the indices of the K states, shape (D, K).
+        `exchange` calls this method and minimises its result, so that the chosen states distinguish the two laws best.
+        ``choices`` has the indices of the K states of each choice, shape (D, K).
         """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
@@ -127,7 +129,7 @@ def rivals(
     residuals = compare(rival.law, rival.parameters[None], [experiment]).misfits[0].residuals[0]
     moved = [change for source in considered(problem, unit) if (change := source.changes[0]) is not None]
     every = np.concatenate([slopes, np.array(moved).reshape(len(moved), *slopes.shape[1:])])
-    scale = over_variance(noise, slopes.shape[-1])
+    scale = weight_of_point(noise, slopes.shape[-1])
     return Rivals(
         loads=experiment.loads,
         states=states,

@@ -1,10 +1,10 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
-The edges of these states show the stress-free shape, bent by the weight of the beam. The unknowns are the amplitudes q
-in mm of a few smooth modes of shape (`beam.rest_modes`), and the vector a: rotation and shift of the picture. Let r(q,
-a) be the residuals of the edges for a simulation that contains the weight. Gauss-Newton steps minimise |r|^2 with
-normal priors on q and a. q then describes the stress-free shape. The modes are few and smooth, so that the noise of
-single edge points has little influence.
+The edges of these states show the stress-free shape, bent by the weight of the beam. The stress-free shape is described
+by the stated shape and a few smooth modes that are added to it (`beam.rest_modes`). A simulation bends this shape by
+the weight and gives edges. The amplitudes of the modes are fitted so that these edges agree with the measured edges. A
+small rotation and a small shift of the picture are fitted too. The fit uses Gauss-Newton steps, with normal priors on
+all unknowns. The modes are few and smooth, so that the noise of single edge points has little influence.
 
 The simulation uses the modulus for which a planar Neo-Hookean model with the measured shape has the smallest error in
 the states with load. Shape and modulus are computed in turn, three times.

@@ -1,10 +1,13 @@
 """Name a mistake in the stated loads, such as a reversed field, if no modulus explains the measurement.
 
-The check runs before the search. A scan computes the error of the edges for many moduli. The smallest of these errors
-is divided by the error of an unbent beam. If this ratio exceeds 0.04, the scan is repeated for each dataset alone. Each
-repetition corrects one usual mistake in the loads, such as a reversed field or a current in milliampere. A mistake is
-named if the corrected loads reduce the error to less than 0.4 of the error with the stated loads. The fit is refused if
-the ratio with the stated loads exceeds 0.2. Otherwise the result of the fit contains a warning that names the mistake.
+The check runs before the search and uses scans. A scan computes the error of the edges for many moduli, and the
+smallest error counts. It is divided by the error of an unbent beam; a wrong load gives a large ratio.
+
+1. If the ratio of all datasets together is at most 0.04, the check ends.
+2. Otherwise each dataset is scanned alone. If its ratio exceeds 0.04, the scan is repeated with corrected loads, once
+   for each usual mistake, such as a reversed field or a current in milliampere.
+3. A mistake is named if its correction reduces the error to less than 0.4 of the error with the stated loads. If the
+   ratio with the stated loads exceeds 0.2, the fit is refused. Otherwise the result of the fit has a warning.
 """
 
 from __future__ import annotations

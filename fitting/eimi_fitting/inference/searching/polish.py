@@ -146,9 +146,10 @@ def polish(
 
     Notes
     -----
-    The end of the full step and the candidates for central differences about this end are evaluated in one batch. The
-    next step needs these differences. Most steps lower the objective, and a batch costs little more than one candidate.
-    If the full step does not lower the objective, 0.3 and 0.1 of the step are tried.
+    Each step needs the slopes at its start, from central differences. The end of a step is evaluated together with the
+    candidates for the central differences about this end, in one batch. A batch costs little more than one candidate,
+    and most steps lower the objective, so that the next step can begin at once. If a step does not lower the objective,
+    0.3 and 0.1 of it are tried.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -187,9 +188,10 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return gradient g (n,) and Hessian H (n, n) of least squares with the weights 1 / (N_k e_k), for n unknowns.
+    """Return the gradient g (n,) and the Hessian H (n, n) of the objective in n unknowns; see the module for g and H.
 
-    N_k is the number of points of state k and e_k its root mean square residual.
+    ``misfits`` has the residuals of the candidates of `difference_batch`, one element for each experiment, and
+    ``distance`` (n,) the distances for the central differences.
     """
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))

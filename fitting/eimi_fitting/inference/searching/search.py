@@ -351,7 +351,8 @@ def _runs(
 ) -> Iterator[tuple[float, int, int]]:
     """Yield the first step size, the population and the largest number of generations of each run of a search.
 
-    The caller appends each finished run to ``done``.
+    The caller appends each run to ``done`` when it has finished. With ``bipop``, the number and the size of the small
+    runs depend on the evaluations of the finished runs.
     """
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
