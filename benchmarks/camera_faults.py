@@ -74,10 +74,10 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Return a row of the table for a camera whose process is killed.
+    """Kill the process of a camera, ask the driver for a frame, and return a row of the table with the reaction.
 
-    A camera with the serial number `serial_number` then takes the address of the killed camera. With None, no camera
-    takes the address. `what` is the name of the fault in the row.
+    If `serial_number` is given, a camera with this number first takes the address of the killed camera. With None,
+    nothing answers at this address. `what` is the name of the fault in the row.
     """
     size_px = SIZES_PX[0]
 

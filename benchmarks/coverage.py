@@ -21,11 +21,14 @@ Two simplifications make this number of experiments affordable:
   specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
   of the deflection, and the drawn values change the effect by a few hundredths.
 
-A row of the table is right if 93 to 97 % of the intervals contain the true value, within the statistical error that the
-number of experiments permits, and if the intervals are at most 1.15 times as wide as 95 % coverage needs. The column
-"drawn" shows how much of the statistical error is due to the drawn sources. For each experiment, the drawn deviations
-are multiplied by their effects in the budget and summed. The column gives the share of experiments in which this sum is
-within 1.96 standard deviations.
+A row of the table is right under two conditions. First, 93 to 97 % of the intervals contain the true value; the share
+may be outside these limits by the statistical error that the number of experiments causes. Second, the intervals are at
+most 1.15 times as wide as 95 % coverage needs.
+
+The random values of the sources alone can make this share larger or smaller than 95 %. The column "drawn" shows this.
+For each experiment, the error of the modulus is predicted: the sum of the drawn deviations, each multiplied by its
+effect in the budget. The column gives the share of experiments in which the predicted error is within 1.96 standard
+deviations.
 """
 
 from __future__ import annotations

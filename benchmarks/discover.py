@@ -46,12 +46,15 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """The number of a hidden law, which a discovery has to identify, and the settings of its simulated measurements.
+    """One case of the benchmark: a hidden law, and the settings of its simulated measurements.
+
+    A discovery has to find the terms of the hidden law from these measurements.
 
     Attributes
     ----------
     seed, number : int
-        The seed of the benchmark and the number of the law, which together determine the random values.
+        The seed of the benchmark and the number of the case. Both together are the seed of the random values, so that
+        they determine the hidden law.
     solid : bool
         True if the beam is a solid, false if the beam is in plane stress.
     noise : float

@@ -2,13 +2,15 @@
 
     python -m benchmarks.emulated_supply korad pty
 
-The script prints the address of the supply. The script then prints a line for every change of the output, of the
-set-point or of the true current. The line contains four values: the time (s) on the monotonic clock, which all
-processes of a machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
+The first argument is the driver, the second the kind of line. `port` is a serial port that can be unplugged.
 
-The name of a fault on the standard input, such as `shorted`, begins this fault; see ``eimi emulate --faults``. The
-fault `slow` delays answers by 0.4 s. `contact` adds 6 ohm to the leads. `none` ends all faults. The transport `port` is
-a serial port that can be unplugged.
+The script prints the address of the supply. It then prints a line for every change of the output, of the set-point or
+of the true current. The line contains four values: the time (s) on the monotonic clock, which all processes of a
+machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
+
+A fault begins when its name, such as `shorted`, is written to the standard input of the script; ``eimi emulate
+--faults`` lists the names. In this script, `slow` delays answers by 0.4 s. `contact` is a further name: a bad contact
+that adds 6 ohm to the leads. `none` ends all faults.
 """
 
 from __future__ import annotations

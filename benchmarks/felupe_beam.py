@@ -1,9 +1,10 @@
 """Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe) with its most suitable elements.
 
-FElupe assembles the forces and tangents of the flexible part. The magnet is a rigid body as in `eimi_fitting`: the last
-column of points is condensed onto two translations and a rotation, including their geometric stiffness. The nonlinear
-equations are solved by the ordinary Newton method. Each state starts from the previous state, because polynomial
-extrapolation diverges. If a state does not converge, the load step is halved.
+FElupe assembles the forces and tangents of the flexible part. FElupe has no rigid magnet, so that this module adds it,
+as in `eimi_fitting`: all points at the end of the flexible part move with the magnet, which has three unknowns, two
+translations and a rotation. The nonlinear equations are solved by the ordinary Newton method. Each state starts from
+the solution of the previous state; with a polynomial extrapolation from several states, the method diverges. If a state
+does not converge, the step of the field is halved.
 """
 
 from __future__ import annotations

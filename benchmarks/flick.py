@@ -8,10 +8,11 @@ rolling shutter, exposure, noise and video compression. The video is imported wi
 as in the tutorial "A modulus without a magnet: flick a strip".
 
 The table gives the error of the dynamic modulus, the half-width of its 95 % interval, and whether the interval contains
-the hidden modulus. The column "of sizes" gives the part of the error that the errors of the typed dimensions and
-density cause. The goal is that every error is below 5 %. With --difficulties, one scene is filmed in the ways in which
-recordings by hand differ from a recording on a support. With --film FILE, only the video of the first scene is written,
-for the tutorial.
+the hidden modulus. The dimensions and the density that a person would type have random errors, and they cause a part of
+the error of the modulus; the column "of sizes" gives this part. The goal is that every error is below 5 %. With
+--difficulties, one scene is filmed several times, each time with one difficulty of a recording by hand, such as a phone
+that is held in the hand instead of standing on a support. With --film FILE, only the video of the first scene is
+written, for the tutorial.
 """
 
 from __future__ import annotations

@@ -73,7 +73,10 @@ def room_of(file: str) -> str:
 
 
 def asked_room(file: str, rooms: Sequence[str]) -> str | None:
-    """Return the first of `rooms` that contains a file, or None. A room is a package or a folder, such as "drivers"."""
+    """Return the first name in `rooms` that is a package or a folder with the file in it, or None if there is none.
+
+    Examples of names are the package "acquisition" and the folder "drivers".
+    """
     return next((room for room in rooms if room == room_of(file) or room in Path(file).parts[:-1]), None)
 
 
@@ -112,9 +115,10 @@ def _skipped(tree: ast.AST) -> set[int]:
 
 
 def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
-    """Yield `node` and each node below `node`, each with the names that the surrounding function defines.
+    """Yield `node` and all nodes below it in the syntax tree, each with the names of variables at this place.
 
-    The names are the parameters and the local names of the function, each with the line that first sets the name.
+    The names are the parameters and the local names of the function around the node. The value of a name is the number
+    of the line that first sets it, or 0 for a parameter. A name may be replaced only by a name that is already set.
     """
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
@@ -217,10 +221,11 @@ def compiles(text: str) -> bool:
 
 
 def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
-    """Return the lines around a change as two texts: before the change and after the change.
+    """Return the same whole lines of a file before a change and after it, as two texts.
 
-    The first text is a group of whole lines that occurs only once in `text`. Lines are added around the change until
-    this is true. `other` is the text of the whole file after the change.
+    The lines are the changed lines and as many lines around them as are needed for the first text to occur only once in
+    the file. The first text can thus be found and replaced by the second. `text` is the whole file before the change,
+    and `other` the whole file after it.
     """
     before, after = text.splitlines(keepends=True), other.splitlines(keepends=True)
     grown = len(after) - len(before)

@@ -2,9 +2,10 @@
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
 
-The bias is the error of the identified modulus that the assumption of plane strain or plane stress causes. The
-predicted bias is the bias that `eimi_fitting` computes for a specimen without a measurement (`expected_bias`). The
-solids are simulated on a finer mesh than the mesh of the fits. The fits do not know the parameters of the simulation.
+The bias is the error of the identified modulus that the assumption of plane strain or plane stress causes. It is
+measured here by fits of solids with a known modulus. `eimi_fitting` can also predict it for a specimen, without a
+measurement (`expected_bias`). The solids are simulated on a finer mesh than the mesh of the fits. The fits do not know
+the parameters of the simulation.
 """
 
 from __future__ import annotations

@@ -99,9 +99,10 @@ def _loop(loads: Loads) -> Loads:
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return loads under which the beam bends as if its stiffness were multiplied by ``stiffness``.
+    """Return changed loads, under which a beam of constant stiffness bends as a beam does whose stiffness changes.
 
-    ``stiffness`` has one factor for each of the K states, shape (K,).
+    ``stiffness`` has the factor on the stiffness of the beam in each of K states, (K,); for example, creep makes it
+    smaller. The loads are divided by this factor.
     """
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
@@ -231,11 +232,11 @@ def stated_specimen(planar: bool) -> Specimen:
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges of the true beam in K fields (mT), where the camera of the imperfect bench shows them.
+    """Return the edges of the true beam in K fields (mT), at the positions at which the camera shows them.
 
-    A tilted camera, for example, shows a point at a wrong position. The true beam is a solid with the imperfection. The
-    points next to the clamp and to the tip are left out. The result has the shape (K, 2, m, 2): K fields, left and
-    right edge, m points, and x and y in mm.
+    The beam has the given imperfection. If the camera is tilted, for example, the positions in the picture differ from
+    the true positions. The points next to the clamp and to the tip are left out. The result has the shape (K, 2, m, 2):
+    K fields, left and right edge, m points, and x and y in mm.
     """
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 
@@ -267,7 +268,11 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 
 def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path | None) -> tuple[Array, Array]:
-    """Return the result of `bent`, from a file in ``folder`` if it was computed before; None: nothing is kept."""
+    """Return the result of `bent`: the true edges and the corners of the magnet as the camera shows them.
+
+    If a file in ``folder`` has the result of an earlier run, it is read; otherwise the result is computed and written
+    to such a file. With ``folder`` = None, the result is always computed.
+    """
     if folder is None:
         return bent(imperfection, field_mT, planar)
     key = hashlib.sha256(repr((imperfection.words, MESH, MODULUS_PA, field_mT.tolist(), planar)).encode()).hexdigest()

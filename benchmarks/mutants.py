@@ -177,10 +177,12 @@ def run_tests(
 ) -> tuple[str, str]:
     """Run tests in a copy of the project until a test fails; return the outcome and a line of pytest's output.
 
-    The outcome is "caught" if a test failed, "broken" if pytest could not run the tests, and otherwise "survived", also
-    after `limit_s` (s). The line belongs to the failed test or to a file of tests that cannot be imported; otherwise it
-    is the last line. For a file that cannot be imported the outcome is "broken", and `tried` finds out whether the
-    mistake is the cause. `options` are further options of pytest.
+    The outcome is "caught" if a test failed. It is "survived" if no test failed, or if the tests did not end within
+    `limit_s` seconds. It is "broken" if pytest could not run the tests, for example because a file of tests cannot be
+    imported; `tried` then finds out whether the mistake is the reason.
+
+    The line is the one that names the failed test or the file that cannot be imported. Otherwise it is the last line.
+    `options` are further options of pytest.
     """
     transcript = copy.with_suffix(".txt")
     arguments = (copy, transcript, (*options, *tests), min(TEST_LIMIT_S, limit_s / 2))
@@ -200,9 +202,11 @@ def run_tests(
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on a copy of the project in this new process, in which only third-party packages are already loaded.
+    """Run pytest on a copy of the project; this function is the whole work of a new process.
 
-    transcript: the file that receives the output of pytest. tests: the tests. test_limit_s: time limit of a test, s.
+    The process is a copy of this one, in which only third-party packages are loaded, so that pytest imports the project
+    from the copy. transcript: the file that receives the output of pytest. tests: the tests. test_limit_s: time limit
+    of a test, s.
     """
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]

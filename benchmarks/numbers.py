@@ -106,9 +106,10 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield every number, word and list of numbers below a JSON node, each with the keys that lead to the value.
+    """Yield the values in a JSON structure that are compared, each with the keys and indices that lead to it.
 
-    Keys that describe the run and not the result, such as times and paths, are left out.
+    A value is a number, a word, or a list of numbers. Keys that describe the run and not the result, such as times and
+    paths, are left out.
     """
     if isinstance(node, dict):
         for key, value in node.items():
@@ -136,7 +137,11 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the name of a quantity: the keys that lead to the number, joined by dots, without case, law and index."""
+    """Return the name under which values are compared: their keys, joined by dots, without case, law and index.
+
+    The same quantity of all cases and laws has one name. `path` has the keys that lead to a value, as `leaves` yields
+    them.
+    """
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())

@@ -6,10 +6,10 @@ Each trial is a complete `eimi acquire` with the ramp, settling and limits of a 
 1.5 A. The supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a
 random moment after the current is set.
 
-The table shows how long the output stayed on after the fault or, if the supply did not answer for some time, after the
-supply answered again. The table also shows how many states were reported as stored but are not in the file. The script
-also checks that the run reports the fault. The exit status is 0 if every trial met all requirements. `--fault NAME`
-runs one fault only, and `--list` prints the names of the faults.
+The table shows for how long the output stayed on after the fault. If the fault makes the supply silent for some time,
+this time is counted from its next answer. The table also shows how many states were reported as stored but are not in
+the file. The script also checks that the run reports the fault. The exit status is 0 if every trial met all
+requirements. `--fault NAME` runs one fault only, and `--list` prints the names of the faults.
 """
 
 from __future__ import annotations
@@ -117,11 +117,11 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that reported the coil as off while the true current was above the limit.
+    """Return the messages that called the coil off too early, while its true current was still above a limit.
 
-    The limit is the current below which the coil counts as off. It is read from the message or, if the message contains
-    no limit, from the last earlier message with a limit. If there is none, the limit is `OFF_A`, the smallest limit of
-    all families of supplies.
+    Below the limit, the coil counts as off. A message may state the limit. For a message without a limit, the limit of
+    the last message that stated one is used, and before any such message `OFF_A`, the smallest limit of all families of
+    supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):

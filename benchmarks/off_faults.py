@@ -144,9 +144,10 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the part of a fault's name that describes the line to the supply.
+    """Return the words for a line to a supply, which are a part of the name of a fault.
 
-    It is the transport, such as "tcp". If the line is not in `LINES`, the name of the driver follows.
+    The words are the transport, such as "tcp", for the usual lines in `LINES`. For any other line the driver follows,
+    as in "tcp keysight-n6700".
     """
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 

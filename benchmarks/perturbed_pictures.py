@@ -5,11 +5,14 @@ hue, mirror, JPEG compression and blur (`tests.shared.perturbed_pictures`). The 
 edges that a person traced in the original photograph (see `benchmarks.real_pictures`). Distances between them are in px
 of the original photograph.
 
-A picture is *refused* if no edges are returned or a flag marks them as unusable. It is *silent* if no flag marks the
-edges as doubtful and the edges are off by more than three uncertainties of the traced edges (root mean square). Other
-pictures are *right* if they are good by the rules of `benchmarks.real_pictures`, *doubted* if a flag marks the edges as
-doubtful, and else *thin*: too few points, or distances that are larger than these rules allow. No picture may be
-silent.
+The first verdict of this list that applies is the verdict of a picture:
+
+refused  no edges are returned, or a flag marks them as unusable
+silent   no flag marks the edges as doubtful, but their distance from the traced edges is more than three uncertainties
+         of the traced edges (root mean square); no picture may be silent
+right    the edges are good by the rules of `benchmarks.real_pictures`
+doubted  a flag marks the edges as doubtful
+thin     the rules are not met: there are too few points, or the distances are too large
 
 --change NAME     Make only the change NAME; the option may be given several times.
 --overlay FOLDER  Draw the detected edges of the pictures that are not right into pictures in a folder.

@@ -2,12 +2,20 @@
 
 DiffCal is a program of another group, which calibrates simulations of soft bodies with pictures. The pictures are
 published in its repository diku-dk/DiffCal (GPL-3.0), folders ``exp_data/h_e_c`` and ``exp_data/h_e_s``. They are not
-part of this project. The tables below contain corners of the two bodies, which were marked by hand in picture 0 of each
-folder and converted to the plane of bending: the focal length (905 px) and the edge of the square marker (20.0 mm)
-follow from the corners of the marker in four pictures and the published poses. The pose published for picture 0 of the
-spine is the mirror image of the true pose; the other solution of the same four corners was used. Positions of the
-cantilever are divided by 1.03, so that its head has the length and width of the published CAD model. The dimensions are
-those of the CAD models (``CAD_models``). Their uncertainties and the uncertainties of the marked corners are assumed.
+part of this project.
+
+The tables below contain positions of corners of the two bodies. A person marked the corners in picture 0 of each
+folder. Their positions in px were converted to mm in the plane in which the body bends. The conversion needs the pose
+of the camera, its focal length and the size of a square marker in the pictures:
+
+- The poses are published with the pictures. The pose of picture 0 of the spine is a mirror image of the true pose. A
+  square seen in a picture permits two poses, and here the other one was used.
+- The focal length (905 px) and the edge of the marker (20.0 mm) follow from the corners of the marker in four pictures
+  and the published poses.
+- Positions of the cantilever are divided by 1.03, so that its head has the length and width of the published CAD model.
+
+The dimensions of the bodies are those of the CAD models (``CAD_models``). Their uncertainties and the uncertainties of
+the marked corners are assumed.
 
 The script prints the modulus of each body, and of a joint fit. The authors of DiffCal found 22.0 to 22.6 kPa with the
 cantilever and 78.6 to 79.9 kPa with the spine.

@@ -26,11 +26,12 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class Entry:
-    """One cause that a fit compares, as `fits.json` contains it.
+    """One possible cause of the residuals in a result file `fits.json`.
 
     name: the cause. probability: the probability that the fit gives to the cause. value: the size of the cause.
-    shift_percent: the change of the modulus by the cause, %. like: the names of other causes that change the residuals
-    so similarly that the data do not decide between them. A cause and its `like` are a class of similar causes.
+    shift_percent: the change of the modulus by the cause, %. like: the names of the causes that the data cannot
+    distinguish from this one, because they change the residuals in nearly the same way. A cause and its `like` form a
+    class.
     """
 
     name: str
@@ -126,18 +127,19 @@ class Ranked:
 
     @property
     def is_declared(self) -> bool:
-        """Whether `is_first` is true, or the most probable class of similar causes contains the true cause.
+        """Whether the fit names the true cause first, alone or as one of a class of similar causes.
 
-        With two true causes: whether each of the two most probable classes contains a true cause. `Entry` defines a
-        class.
+        True if `is_first` is true, or if the most probable class contains the true cause; `Entry` defines a class. With
+        two true causes: if each of the two most probable classes contains a true cause.
         """
         return self.is_first or self._is_in_first_classes(len(self.true))
 
     @property
     def is_declared_second(self) -> bool:
-        """Whether `is_second` is true, or one of the first two classes of similar causes contains the true cause.
+        """Whether the fit names the true cause first or second, alone or as one of a class of similar causes.
 
-        With two true causes: whether two of the first three classes contain a true cause. `Entry` defines a class.
+        True if `is_second` is true, or if one of the first two classes contains the true cause; `Entry` defines a
+        class. With two true causes: if two of the first three classes contain a true cause.
         """
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
@@ -158,9 +160,10 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the interval contains the true modulus, or would after a change of the modulus that the doubt names.
+        """Whether a reader of the fit learns of the true modulus: from the interval, or from the interval and a doubt.
 
-        The changes are those between the two ends of `doubted_percent`.
+        True if the interval contains the true modulus. Also true if a doubt names a range of changes of the modulus
+        (`doubted_percent`), and the interval contains the true modulus after one of these changes.
         """
         if self.holds or self.doubted_percent is None:
             return self.holds

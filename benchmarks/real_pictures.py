@@ -1,17 +1,18 @@
 """Compare detected edges in other people's photographs with traced edges: ``python -m benchmarks.real_pictures``.
 
 A person has traced the edges by hand. The photographs and the rules for scoring them are in
-``../shared/data/pictures``, beside the checkout. The photographs may not be distributed. Each detected edge point has a
-standard deviation that the program states. The observed deviation is the scatter of the points about a smooth line.
+``../shared/data/pictures``, beside the checkout. The photographs may not be distributed. The program states a standard
+deviation for each detected edge point. The table also compares this stated deviation with the observed deviation: the
+scatter of the points about a smooth line.
 
 --draws 5         Search five times with wrong inputs, which are drawn at random: the clamp is off by up to 4 px, the
 axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
 --clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
 pictures `refusal` is left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
---chance DRAWS    Show how far chance alone changes the ratio of stated to observed deviation: draw random scatter with
-the correlation of the observed scatter. For each edge, print the 95 % range of this ratio, and the median of the ratio
-of stated to true deviation.
+--chance DRAWS    Show how far the ratio of stated to observed deviation can be from 1 by chance. Points with random
+scatter are drawn DRAWS times, and the program states their deviation. For each edge, print the 95 % range of the ratio,
+and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -82,17 +83,19 @@ class _Scatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Draw random scatter about an edge many times; return statistics of the ratio of stated to observed deviation.
+    """Return how far the ratio of stated to observed deviation of an edge can be from 1 by chance alone.
 
-    The scatter has an exponential correlation along the edge. Neighbouring points are as strongly correlated as the
-    points of the detected edge.
+    Many edges with a known scatter are drawn: the smooth line of the given edge, plus random scatter with the standard
+    deviation of the given points. The scatter of neighbouring points is as strongly correlated as in the given edge,
+    and the correlation decreases exponentially along it. The deviation that the program states for each drawn edge is
+    compared with its observed deviation and with the true one.
 
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        Coordinates (x, y) in px of the n points of the edge. The scatter is drawn about their smooth line.
+        Coordinates (x, y) in px of the n points of the given edge.
     draws : int
-        Number of random draws.
+        Number of drawn edges.
     rng : numpy Generator
         Random number generator.
 

@@ -31,7 +31,10 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Draw or print a page with Chromium, as its options `how` say; the browser profile is new."""
+    """Run Chromium on a page with the options `how`, which say whether it draws or prints the page.
+
+    Each call uses a new browser profile, so that no earlier call has an effect.
+    """
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]

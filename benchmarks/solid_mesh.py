@@ -2,8 +2,9 @@
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-For each mesh the script prints two errors: the error of the solid model alone, and the error that remains after a
-correction. The correction adds the change of the tip's rotation that a finer mesh causes in the planar model.
+For each mesh the script prints two errors of the modulus. The first is the error of the solid model alone. The second
+is the error after a correction: a finer mesh of the planar model changes the rotation of its tip, and this change is
+added to the rotation in the solid model.
 """
 
 from __future__ import annotations

@@ -87,9 +87,10 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at the time `at_s` (s, monotonic clock).
+        """Return the true current (A) at the time `at_s` (s, monotonic clock), as the process of the supply reports it.
 
-        The result can differ from the true current by the smallest change that the process of the supply reports.
+        The process reports a current only if it has changed enough. The result can differ from the true current by this
+        smallest change.
         """
         return next((true_A for change_s, _, _, true_A in reversed(self.changes) if change_s <= at_s), 0.0)
 
@@ -242,8 +243,9 @@ maximum = 12.0
     def end(self) -> int:
         """Wait for the end of the run and of its guardian process, and return the exit status of the run.
 
-        The run is killed if it does not end. A guardian keeps trying for an hour if it switched off a supply but could
-        not confirm the identity of the supply. This guardian is ended after `TRIES_FOR_S` seconds.
+        The guardian is the process that switches the coil off if the run fails. A run that does not end is killed. If
+        the guardian has switched off a supply but cannot confirm that it is the supply of the run, it keeps trying for
+        an hour. Here it is ended after `TRIES_FOR_S` seconds.
         """
         try:
             status = self.process.wait(20)

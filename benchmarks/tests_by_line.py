@@ -81,16 +81,19 @@ class TestsByLine:
         self._seconds: dict[str, float] = json.loads(SECONDS.read_text(encoding="utf-8"))
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests for a mistake (a deliberate change) in a line of code, in the order in which they are run.
+        """Return the tests that can detect a mistake (a deliberate change) in a line of code, in the order of trial.
 
-        At most `MOST_TESTS` tests, which together take at most `MOST_S` (s), are returned. The quickest tests have half
-        of this time, because the tests of a module itself are usually quick.
+        The tests are chosen by the first rule that applies:
 
-        The function returns the tests that execute the line. If a fixture executes the line, the other tests of the
-        fixture's file follow, because they may use the fixture. A line outside all functions is executed only by the
-        first import. For such a line, the tests that import the module or all modules come first, then the tests that
-        execute any line of the module, then the tests that import the package of the module. If no test executes the
-        line, the tests in the files that contain the module's name are returned.
+        - The line is in a function. The tests that execute it come first. If a fixture executes it, the other tests in
+          the file of the fixture follow, because they may use the fixture.
+        - The line is outside all functions, and only the first import executes it. The tests that import the module, or
+          all modules, come first, then the tests that execute any line of the module, then those that import its
+          package.
+        - No test was found: the tests in the files that contain the name of the module.
+
+        At most `MOST_TESTS` tests are returned, which together take at most `MOST_S` seconds. Half of this time is
+        given to the quickest tests, because the tests of a module itself are usually quick.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -122,7 +125,7 @@ class TestsByLine:
         return sum(self._seconds.get(test, 1.0) for test in tests)
 
     def _quickest(self, tests: Iterable[str], seconds: float) -> set[str]:
-        """Return the quickest of the tests that together take at most `seconds` (s)."""
+        """Return as many of the tests as possible that together take at most `seconds` (s): the quickest ones."""
         within: set[str] = set()
         for test in sorted(tests, key=lambda test: self.seconds([test])):
             seconds -= self.seconds([test])

@@ -105,9 +105,10 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 
 
 def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
-    """Return the logarithms of the rod's two stiffnesses (of bending and of the hinge), (2,), and their derivatives.
+    """Return the two stiffnesses of the rod for the nominal dimensions, and how they change with the dimensions.
 
-    The derivatives are those with respect to the logarithms of width, depth and length, and have the shape (3, 2).
+    The stiffnesses are those of bending and of the hinge. The first result has their logarithms, (2,). The
+    second result has the derivatives of these logarithms by the logarithms of width, depth and length, (3, 2).
     """
 
     def logs(specimen: Specimen) -> np.ndarray:
@@ -254,9 +255,11 @@ def tables_shared(store: Path) -> Iterator[None]:
     """While the `with` block runs, compute each table of frequencies and each curve of loads once for all fits.
 
     A table contains the frequencies of a beam for a range of moduli. A curve contains the moment of the loads for a
-    range of rotations of the tip. Both depend on the modulus. They are computed only at moduli whose logarithms are
-    multiples of `TABLE_STEP`, and a fit uses the table and the curve at the nearest of these moduli. At the end, tables
-    and curves are written to the file `store`, from which the next run of the benchmark reads them.
+    range of rotations of the tip. A fit computes both at its own modulus. Here they are computed only at a few moduli,
+    whose logarithms are multiples of `TABLE_STEP`, and a fit uses the nearest of them. Fits with similar moduli thus
+    share a table.
+
+    At the end, tables and curves are written to the file `store`. The next run of the benchmark reads them from it.
     """
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)

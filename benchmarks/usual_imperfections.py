@@ -8,12 +8,15 @@ drawn at random with their usual standard uncertainties: 3 degrees for the direc
 shape at rest, 0.02 mm for the taper, and the usual values (`Source.usual`) for the background field, the gradient of
 the coil's field, scale, clamp, angles and dimensions. The edges get noise; no pictures are rendered.
 
-Some experiments of every beam and every level of noise are fitted in full. A full fit has the same local optimisation,
-corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`. The other
-experiments are fitted quickly. A quick fit minimises the same objective. The quick fit uses beams that were solved once
-for 21 moduli of each nominal specimen, with cubic splines between the moduli. The interval of a quick fit has the mean
-width (in logarithms) of the full fits with the same beam and noise. The last lines compare full and quick fits of the
-same experiments.
+There are two kinds of fits, because full fits of all experiments would take too long.
+
+- A full fit is made of some experiments of every beam and every level of noise. It has the same local optimisation,
+  corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`.
+- A quick fit is made of every experiment. It minimises the same objective. The beam is not simulated in each fit: each
+  nominal specimen is simulated once with 21 moduli, and the error of each state is interpolated by cubic splines. The
+  interval has the mean width (in logarithms) of the full fits with the same beam and noise.
+
+The last lines compare full and quick fits of the same experiments.
 """
 
 from __future__ import annotations
