@@ -1,6 +1,6 @@
-"""A dataclass is frozen (its fields cannot be set again), unless this file lists the class as an exception.
+"""Records, the objects of the dataclasses of this project, cannot be changed (the dataclasses are frozen).
 
-The exceptions are objects whose contents grow while the program runs. A record is an object of a frozen dataclass.
+This file lists the exceptions: objects whose contents grow while the program runs.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ def dataclasses_of_the_packages() -> Iterator[type]:
 
 
 def test_a_record_cannot_be_changed() -> None:
-    """`dataclasses.replace` makes a changed copy; nobody can change a record that another part of the program holds."""
+    """All dataclasses of the packages are frozen, except those in the list CHANGING.
+
+    The program changes a record by making a changed copy (`dataclasses.replace`). No part of the program can therefore
+    change a record that another part holds.
+    """
     found = set(dataclasses_of_the_packages())
     assert len(found) > 300
     assert all(dataclasses.is_dataclass(record) for record in found)
@@ -54,9 +58,9 @@ def test_a_record_cannot_be_changed() -> None:
 
 
 def test_records_with_many_fields_take_them_by_name_alone() -> None:
-    """The fields of events, of a run in progress and of large results of a fit can only be given by name.
+    """The fields of some records can be given only by name, so that a new field can stand anywhere in the class.
 
-    A new field can then stand in any place of the class.
+    These records are all events, and the classes in the list BY_NAME.
     """
     found = {
         record.__name__

@@ -1,4 +1,4 @@
-"""The map from lines of code to the tests that execute them keeps its contents when tests are added."""
+"""The map from each line of code to the tests that execute it is recorded, extended by new tests, and read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from benchmarks.tests_by_line import TestsByLine, record
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A project with one file of code and recorded tests, whose names contain the lines that they execute."""
+    """The only file of code of a small project, whose tests are replaced by their records.
+
+    The name of a test file contains the lines that its test executes: `test_2_3.py` executes the lines 2 and 3.
+    """
     file = tmp_path / "eimi_lab" / "code.py"
     file.parent.mkdir()
     file.write_text("def act():\n    first = 1\n    second = 2\n    return first + second\n")

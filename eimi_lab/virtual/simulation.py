@@ -147,7 +147,7 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
         except ValueError:
             finite = False
         if not finite:
-            raise InputError(f"--parameter {text}: should be KEY=NUMBER, KEY one of {', '.join(keys)}")
+            raise InputError(f"--parameter {text}: should be KEY=NUMBER, where KEY is one of {', '.join(keys)}")
     if set(values) != set(keys) or len(texts) != len(keys):
         raise InputError(
             f"--parameter: {model} has the parameters {', '.join(keys)}, each of which should be given once; given "

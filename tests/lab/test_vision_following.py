@@ -238,10 +238,11 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment a dataset with one picture of stripes for each state; return one text for each state.
+    """Segment a dataset of pictures with a red and a blue stripe; return the stripe that was taken as the beam.
 
-    The text is the colour of the stripe on which the edges lie, with ", in doubt" if the flag (warning) ROOT_AMBIGUOUS
-    was raised. aside_px: shift of each picture to the right. workers, along: options of `eimi segment`.
+    The result for a state is "red" or "blue", followed by ", in doubt" if the flag (warning) ROOT_AMBIGUOUS was raised.
+    states: for each state, the stripes in its picture. aside_px: shift of each picture to the right. workers, along:
+    options of `eimi segment`.
     """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()
@@ -325,10 +326,10 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
-    """Two clicks that lie 8 px on either side of a straight beam do not exclude the beam from the search.
+    """Two inexact clicks on a straight beam, one 8 px to the left and one 8 px to the right, do not mislead the search.
 
-    The clicks are far from the clamp and 40 px apart. The search for the beam penalises places that are farther from
-    the line through the clicks than a free distance. The straight beam is everywhere within this distance.
+    The clicks are 1000 px from the clamp and 40 px apart. The search prefers places near the line through the clicks:
+    places farther away than a free distance have a cost. The straight beam lies everywhere within the free distance.
     """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
@@ -376,9 +377,10 @@ def test_clicked_points_off_the_beam_are_reported(files):
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
-    """A state in which the beam is ambiguous does not decide which stripe is the beam in later states.
+    """A doubtful choice between two stripes in the first state does not decide the choice in the second state.
 
-    In the second state, the picture is shifted by a tenth of a pixel, so that the other stripe fits better.
+    The picture of the second state is shifted by a tenth of a pixel, so that the other stripe is clearly better. The
+    second state then also decides which stripe is the beam in the first state.
     """
     both = ("red", "blue")
     guessed = followed_in(run, files, both)[0]

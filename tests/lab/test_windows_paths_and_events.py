@@ -48,9 +48,10 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
 def test_a_file_that_another_program_of_windows_holds_for_a_moment_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, number: int | None
 ) -> None:
-    """A file that another program holds for a moment is opened at a later attempt, whatever error Windows reports.
+    """If another program keeps a file open for a moment, the access to the file is repeated until it succeeds.
 
-    Number 5 is ERROR_ACCESS_DENIED, 32 a sharing violation, 33 a lock; the functions of C report no number.
+    Windows reports this as error 5 (ERROR_ACCESS_DENIED), 32 (sharing violation) or 33 (lock). Functions of the C
+    library give no such number.
     """
     monkeypatch.setattr(replacing.sys, "platform", "win32")
     errors = [held(number), held(number)]

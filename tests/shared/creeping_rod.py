@@ -72,12 +72,14 @@ class CreepingRod:
         return np.stack(ends, axis=1) / (2 * _STEP)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
-        """Return the n coordinates (n,) at the end of a step in time, at which the forces balance the loads.
+        """Return the coordinates at the end of a step in time, at which the forces balance the loads, (n,).
 
-        The forces are those of the long-term modulus and those of the terms of the Prony series. A term remembers
-        earlier changes of the coordinates, and forgets them with its time constant. z: coordinates at the start. faded:
-        what is left at the end of what each term remembered at the start, shape (terms, n). gains: the part of a change
-        in this step that each term remembers at the end, shape (terms,).
+        Each term of the Prony series remembers earlier changes of the coordinates, and forgets them with its time
+        constant.
+
+        z: coordinates at the start of the step, (n,). faded: what remains at the end of the step of the memory that
+        each term had at the start, (terms, n). gains: for each term, the share of the change in this step that it
+        remembers at the end, (terms,).
         """
         gain = float(gains.sum())
         matrix = (1 + gain) * np.eye(len(z)) - self._tangent(z, field_mT) / self._elastic[:, None]
@@ -116,10 +118,11 @@ class CreepingRod:
         self.coordinates = new
 
     def rates(self, coordinates: Array, field_mT: float) -> tuple[NDArray[np.complex128], Array, Array]:
-        """Return the rates of the lowest vibration about B shapes of the rod, and its mode and mass.
+        """Return the complex rates (1/s) of the lowest vibration of the rod about B bent shapes, shape (B,).
 
-        Mode and mass belong to the vibration about the first shape. The complex rates (1/s) have the shape (B,). For n
-        coordinates, the mode has the shape (n,), and the mass matrix (n, n). coordinates: those of the shapes, (B, n).
+        The real part of a rate is the negative decay rate, and the imaginary part is the angular frequency. Also
+        return, for the first shape, the mode of this vibration, (n,), and the mass matrix, (n, n). coordinates: the n
+        coordinates of each shape, (B, n).
         """
         still = np.zeros(self.rod.size)
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
@@ -133,11 +136,11 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once, keep it for `seconds`, and return the motion and the rate of the vibration.
+        """Change the field at once, keep it for `seconds`, and return the motion and the rate of its vibration.
 
-        The motion consists of the n coordinates at m times, (m, n). The rate (complex, 1/s) changes with the creep; the
-        rate when the vibration has become 15 times smaller is returned. times_s: the m times after the change, (m,).
-        vibrates: whether the motion contains the vibration; otherwise it is the creep alone.
+        The motion is the n coordinates at the m times `times_s` after the change, (m, n). If `vibrates` is false, it
+        contains the creep alone. The complex rate (1/s) of the vibration changes while the rod creeps; the returned
+        rate is that at the time at which the vibration has become 15 times smaller.
         """
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)

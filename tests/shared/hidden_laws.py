@@ -53,11 +53,10 @@ class Hidden:
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Return a law with random terms and a random shear modulus.
+        """Return a random law: a sum of random terms with random coefficients and a random shear modulus.
 
-        The share of each term in the largest tensile stress is random, too.
-        off: largest factor by which the constants Jm, b and alpha of the terms differ from the constants in the
-        library.
+        off: largest factor by which a constant Jm, b or alpha of a term differs from the constant in the library of
+        terms.
         """
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
@@ -84,10 +83,11 @@ class Hidden:
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return simulated edges of a bent beam with this law, as an experiment.
+        """Return the simulated edges of a bent beam with this law, as an experiment (beam model, loads and edges).
 
-        The material lot of the beam is stiffer or softer than the lot of the tensile test by about 2 %. solid: whether
-        the beam is a solid instead of planar. Raises NoEquilibrium if the beam has no equilibrium.
+        The beam is about 2 % stiffer or softer than the law, as if it came from another lot of the material than the
+        tensile test. solid: whether the beam model is a solid instead of planar. Raises NoEquilibrium if the beam has
+        no equilibrium.
         """
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
@@ -102,9 +102,9 @@ class Hidden:
 
 
 def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """Return a term whose constant (Jm, b or alpha) is multiplied or divided by a random factor of at most ``off``.
+    """Return a term of a law with another constant than in the library of terms.
 
-    The constant Jm is only multiplied, so that it is never smaller than the value of Jm in the library of terms.
+    The constant (Jm, b or alpha) is multiplied by a random factor between 1 / `off` and `off`. Jm is only made larger.
     """
     shift = np.exp(rng.uniform(-1, 1) * np.log(off))
     if term.number is None:

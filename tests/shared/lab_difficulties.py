@@ -24,11 +24,11 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of photograph with one difficulty, which one of four functions paints.
+    """A kind of photograph: the functions that paint its difficulty into the picture, and the size of picture and beam.
 
-    behind, front: paint behind and in front of the beam. light: changes the surface of the beam. camera: changes the
-    whole picture. size: size of the picture relative to 960 x 720 px. magnification: width of the beam relative to 42
-    px. beam: whether the picture shows a beam.
+    Most kinds have one function. `behind` paints behind the beam, `front` in front of it, `light` changes the surface
+    of the beam, and `camera` changes the whole picture. size: size of the picture relative to 960 x 720 px.
+    magnification: width of the beam relative to 42 px. beam: whether the picture shows a beam.
     """
 
     behind: Hook | None = None

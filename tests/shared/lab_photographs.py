@@ -74,12 +74,17 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 
 
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
-    """Return a verdict on the detected edges, and their root-mean-square error as a multiple of the beam's width.
+    """Return whether detected edges are right or wrong, and whether a flag (warning) says so.
 
-    A flag is a warning about edges, which are then unusable or doubtful. The verdict is "refused" (no edges, or a flag
-    "unusable"), "good" (error of at most `WRONG`), "doubted" (larger error with a flag "doubtful") or "silent" (larger
-    error without this flag). In a picture without a beam, all edges are wrong. The error is NaN for refused edges and
-    for a picture without a beam.
+    The verdicts are:
+
+    refused  no edges, or a flag of the severity "unusable"
+    good     the error is at most `WRONG`
+    doubted  a larger error, and a flag of the severity "doubtful"
+    silent   a larger error without such a flag
+
+    The error is the root mean square of the errors of all edge points, divided by the width of the beam. In a picture
+    without a beam, all edges are wrong. The error is NaN for such a picture and for refused edges.
     """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:

@@ -37,9 +37,9 @@ def _noisy(deviation: float) -> Change:
 
 
 def _lit_from(direction: tuple[float, float]) -> Change:
-    """Return a function that multiplies the brightness of a picture by 0.5 at one side and 1.3 at the other side.
+    """Return a change of a picture: a light that increases from one side (factor 0.5) to the other (factor 1.3).
 
-    direction: from the dark side to the bright side, to the right and down in the picture.
+    direction: unit vector from the dark to the bright side, its components to the right and down in the picture.
     """
 
     def change(image: Image) -> Image:
@@ -108,10 +108,10 @@ CHANGES: dict[str, Change] = {
 
 
 def perturbed(picture: Picture, name: str) -> Picture:
-    """Return a picture with a change of `CHANGES`. The calibration of the result belongs to the changed picture.
+    """Return a picture after the change `name` (a key of `CHANGES`), with the calibration of the changed picture.
 
-    Neither a change of the scale nor a mirror changes the coordinates of an edge in mm. The edges in the changed
-    picture can therefore be scored with the original picture and its calibration.
+    A change of the scale or a mirror does not change the coordinates of an edge in mm. The edges that are found in the
+    changed picture can therefore be compared with the traced edges of the original picture.
     """
     image = CHANGES[name](picture.image)
     x, y = picture.calibration.clamp_midpoint_px

@@ -263,11 +263,10 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the rows and the columns of the picture that show the strip.
+        """Return the part of the picture that must be drawn anew for a frame, as slices of rows and columns.
 
-        If the finger is drawn, return all rows and columns of the picture.
-
-        drawn: the polygons of the strip at several times of one exposure.
+        The part contains the strip at all times of the exposure, or is the whole picture if the finger is drawn. drawn:
+        the polygons of the strip at several times of the exposure.
         """
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])

@@ -142,10 +142,10 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
 
 @dataclass(frozen=True)
 class BentBody:
-    """The surface of a bent beam as lines around the beam at several depths.
+    """The surface of a bent beam, as several copies of its outline, one at each depth.
 
-    around: shape (layers, n, 3), mm, in the world frame. Each of the `layers` lines has n points, and goes from the
-    clamp along one edge, around the tip, and back to the clamp.
+    around: points in mm in the world frame, shape (layers, n, 3). Each of the `layers` outlines has n points, which
+    lead from the clamp along one edge, around the tip and back to the clamp.
     """
 
     around: Array
@@ -277,9 +277,9 @@ def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[
 
 
 def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
-    """Return polygons of n corners in px, shape (n, 2), whose union is the silhouette of the body.
+    """Return polygons that together cover all pixels that show the body, each with n corners in px, shape (n, 2).
 
-    The polygons are the lines around the body and the faces between neighbouring lines.
+    The polygons are the outlines of the body at each depth, and the faces between neighbouring outlines.
     """
     layers = scene.to_px(body.around)
     polygons = list(layers)

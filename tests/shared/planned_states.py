@@ -52,9 +52,10 @@ class Setting:
 
 @dataclass(frozen=True)
 class Bench:
-    """The uncertainties that the files of a bench give, and the noise of its edge points.
+    """The errors of a simulated bench: the uncertainties that its files give, and the noise of its edge points.
 
-    noise_mm: standard deviation of each of the two parts of the noise, the white part and the correlated part.
+    The noise is the sum of white noise and of noise that is correlated along the edge. noise_mm: standard deviation of
+    each of the two.
     """
 
     stated: tuple[StatedSource, ...]
@@ -92,9 +93,10 @@ def half_percent(estimate: Estimate) -> float:
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """Return the states from which a plan may choose, each with its contribution to the fit of the modulus.
+    """Return the states from which a plan chooses the states of the next run.
 
-    estimate: the fit of an earlier run, which gives the modulus and the noise. states: number of states of this run.
+    Each state has its contribution to the accuracy of the modulus. The contributions are computed from the modulus and
+    the noise of an earlier fit, `estimate`, to `states` states.
     """
     noise = EdgeNoise.of(estimate.identifiability, states)
     law = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))

@@ -76,19 +76,20 @@ def principal_stress(name: str, stretches: np.ndarray) -> np.ndarray:
 
 
 def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Map the points of a unit cube such that its centre moves and its faces stay plane.
+    """Move the inner points of a unit cube, and keep the points on its surface, to distort the elements of a mesh.
 
-    The map distorts a mesh of eight elements for a patch test.
+    The centre moves farthest. The distorted mesh is used in a patch test.
     """
     inner = (1 - np.abs(2 * x - 1)) * (1 - np.abs(2 * y - 1)) * (1 - np.abs(2 * z - 1))
     return x + 0.11 * inner, y - 0.07 * inner, z + 0.09 * inner
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Return the largest error of a displacement in a patch test: a distorted mesh under uniform biaxial stretch.
+    """Return the largest error of a displacement in a patch test of the solid element.
 
-    The mesh is a cube with side 1, so that the error is a fraction of this side. name: the name of the hyperelastic
-    law. along, across: the two stretches that the tractions on two faces impose.
+    In a patch test, a mesh of distorted elements is stretched uniformly, which the elements must reproduce exactly. The
+    mesh is a cube with side 1. Tractions on two of its faces stretch it by `along` and `across`; the third stretch
+    follows from the constant volume. name: the hyperelastic law.
     """
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)
@@ -103,15 +104,15 @@ def even_stretch(name: str, along: float, across: float) -> float:
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """Twist a cube with side 1 about z by rotating its surface; return the inner error and the relative torque.
+    """Twist a cube of solid elements with side 1 about z; return the error of the displacement and the torque.
 
-    The inner error is the largest error of the displacement of the inner nodes. The relative torque is the torque
-    divided by the exact torque of a neo-Hookean cube. name: the law. divisions: number of elements along a side. twist:
-    angle (rad) for each unit of z.
+    The surface of the cube is rotated as in pure torsion, by the angle `twist` (rad) for each unit of z. In an
+    isotropic, incompressible body, the inside then follows without forces inside (Rivlin 1948, Phil. Trans. R. Soc. A
+    241:379). The error is the largest difference between the displacement of an inner node and this solution.
 
-    Pure torsion of an isotropic, incompressible body needs tractions on its surface only (Rivlin 1948, Phil. Trans. R.
-    Soc. A 241:379). In a neo-Hookean body of square section with the side a and the shear modulus mu, the shear stress
-    at the distance r from the axis is mu twist r, and the torque is mu twist a^4 / 6.
+    The torque is divided by mu twist / 6, the exact torque of a neo-Hookean cube with the shear modulus mu: in its
+    sections, the shear stress at the distance r from the axis is mu twist r. name: the law. divisions: number of
+    elements along a side.
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)
@@ -145,13 +146,14 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 
 
 def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
-    """Inflate a thick cylinder in plane strain; return the errors of inner radius, displacement and pressure.
+    """Inflate a thick cylinder of solid elements in plane strain; return three errors of the solution.
 
-    The cylinder has inner radius 1 and outer radius 2, and one layer of elements in depth. divisions: number of
-    elements across the wall. stretch: inner radius after the inflation. With the stretches la at the inner and lb at
-    the outer radius, the exact load is p / mu = ln(la / lb) + (lb^-2 - la^-2) / 2 (Ogden, Non-linear Elastic
-    Deformations, 5.3.3). The error of the inner radius is relative; the errors of displacement and pressure are L2
-    norms.
+    The errors are: of the inner radius (relative), of the displacements (L2 norm) and of the pressure in the material
+    (L2 norm). The cylinder has the inner radius 1 and the outer radius 2, and one layer of elements in depth.
+
+    divisions: number of elements across the wall. stretch: inner radius after the inflation. With the stretches la at
+    the inner and lb at the outer radius, the exact pressure in the cylinder is p = mu [ln(la / lb) + (lb^-2 - la^-2) /
+    2] (Ogden, Non-linear Elastic Deformations, 5.3.3).
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))

@@ -38,11 +38,12 @@ def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np
 
 
 def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
-    """Write frames into the ring of buffers until the parent process sets `counts[1]`; this is the camera's process.
+    """Take frames at a constant rate, as the process of an emulated camera, until the parent process sets `counts[1]`.
 
-    name: name of the shared memory that contains the ring. size: width and height of a frame, px. buffers: number of
-    frames in the ring. ready: counts the frames that wait in the ring. counts: the first number is the number of frames
-    that the parent process has taken.
+    The frames are written into a ring of buffers. If no buffer is free, a frame is lost. name: name of the shared
+    memory that holds the ring. size: width and height of a frame, px. buffers: number of frames in the ring. ready:
+    semaphore that counts the frames that wait in the ring. counts: `counts[0]` is the number of frames that the parent
+    process has taken.
     """
     width, height = size
     images = noisy_frames(width, height)

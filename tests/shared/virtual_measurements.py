@@ -95,11 +95,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one fit: the modulus, its 95 % interval, and the 95 % interval from noise and mesh alone.
+    """The result of one simulated fit. The modulus and the ends of its intervals are divided by the true modulus.
 
-    All three are divided by the true modulus. `fit_alone` is the interval from noise and mesh alone, which leaves out
-    the uncertainties of the inputs. drawn: the change of the modulus by all errors of the inputs in this experiment,
-    which were drawn at random, divided by the standard deviation of such changes. seconds: processor time.
+    interval: the 95 % interval. fit_alone: the 95 % interval from noise and mesh alone, without the uncertainties of
+    the inputs. drawn: how far the random errors of the inputs in this experiment shift the modulus, in standard
+    deviations of this shift over many experiments. seconds: processor time.
     """
 
     case: Case
@@ -159,9 +159,9 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return how the depth changes the shape of the nominal solid beam relative to the planar model.
+    """Return the difference between the shapes of the solid beam and of its planar model, at the nominal values.
 
-    The effect is a function of the rotation of the tip. Return None for a planar section.
+    The difference is tabulated as a function of the rotation of the tip. Return None for a planar section.
     """
     if specimen.section != "solid":
         return None
@@ -248,11 +248,11 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return the change of the modulus by the errors of all inputs, divided by the standard deviation of such changes.
+    """Return how far the errors of all inputs shift the modulus, in standard deviations of this shift.
 
-    The errors (`deviations`) were drawn at random for this experiment. In the random samples of the fit, the modulus
-    is fitted as a linear function of the errors of the inputs. The coefficients of this function, times the errors,
-    give the change.
+    The errors, `deviations`, were drawn at random for this experiment. The shift is the sum of each error times its
+    slope, the derivative of the logarithm of the modulus with respect to the input. The slopes are fitted to the random
+    samples of the fit (`estimate.draws`).
     """
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])

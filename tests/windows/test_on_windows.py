@@ -70,9 +70,10 @@ def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]
 
 @contextmanager
 def indexed(folder: Path) -> Iterator[set[tuple[str, int]]]:
-    """Hold every new or changed file below a folder open for 0.2 s, as an indexer or a virus scanner may do.
+    """Open every new or changed file below a folder for 0.2 s, as an indexer or a virus scanner of Windows does.
 
-    No other program can write to, move or remove a file meanwhile. Yields the paths and times of change of the files.
+    While a file is open, no other program can write to it, move it or remove it. Yield the set of the files that were
+    opened so far, each as its path and the time of its change.
     """
     kernel = ctypes.WinDLL("kernel32")
     kernel.CreateFileW.restype = ctypes.c_void_p

@@ -113,8 +113,9 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     tilt_range_deg = math.degrees(math.acos(float(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
     if not sigma < 0.02 * focal or tilt_range_deg < _LEAST_TILT_DEG:
         raise ValueError(
-            f"the views differ in tilt by {tilt_range_deg:.0f} degrees and give a focal length of "
-            f"{focal:.0f} ± {sigma:.0f} px; tilt the board by 20 to 40 degrees about different axes in most views"
+            f"the views of the board do not determine the focal length ({focal:.0f} ± {sigma:.0f} px): they differ in "
+            f"tilt by {tilt_range_deg:.0f} degrees; tilt the board by 20 to 40 degrees about different axes in most "
+            "views"
         )
     return Lens(
         np.array(matrix, dtype=np.float64), np.array(distortion, dtype=np.float64).ravel()[:5], sigma, float(residual)
