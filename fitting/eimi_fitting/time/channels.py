@@ -4,9 +4,10 @@ Each coordinate of each recorded point of the beam is a channel. A linear vibrat
 channels of one recording are therefore linear combinations of a few signals. Gaps are filled with these combinations
 (Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
 
-A rolling shutter reads the rows of a frame one after another. The time of a point then differs from the time of the
-frame. A constant difference only changes the phase of a channel, and the phase is fitted anyway. While a point moves
-across the rows, the difference changes. The change of the difference is corrected to first order.
+A rolling shutter reads the rows of a frame one after another. A point is therefore recorded a little before or after
+the time of its frame. If this delay is constant, it only changes the phase of the channel, which is fitted anyway. If
+the point moves across the rows, its delay changes. The displacement in this change is then subtracted, computed as the
+change times the velocity.
 """
 
 from __future__ import annotations
@@ -140,9 +141,10 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return one time for each of n frames, (n,) in s: the mean of the times of its points.
+    """Return the time of each of n frames, (n,) in s.
 
-    Before the mean is taken, the constant time difference between each point and the frame is subtracted.
+    The points of a frame may have different times. Each point has an almost constant delay, which is subtracted first.
+    The time of the frame is the mean over its points.
     """
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:

@@ -173,10 +173,12 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
-    """Return the fitted vibrations, the time windows, and which windows are used.
+    """Fit vibrations to a part of a ring-down, and return the fit, the time windows and the windows that are used.
 
-    part: the signals in which the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs:
-    whether a weight hangs from the beam.
+    Usually all windows are used. Some are left out if frequency and loss factor differ between windows, for example
+    because a hand touches the beam; the vibrations are then fitted to the used windows only. part: the signals in which
+    the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs: whether a weight hangs from
+    the beam.
     """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
@@ -280,11 +282,11 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _lasting(values: Array, size: int) -> Array:
-    """Return, for each frequency of a spectrum, the share of the power that lasts through a recording, from 0 to 1.
+    """Return, for each frequency of a spectrum, 1 if the power there hardly decreases during the recording, else 0.
 
-    The share is the power in the second half of the n frames, divided by the power in the first half. It is 1 for the
-    hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: number of values from which the spectrum
-    is computed.
+    A frequency with lasting power is the hum of a motor or of a lamp, and not a vibration that decays. The power in the
+    last half of the n frames is compared with the power in the first half. values: r signals in n frames, (n, r); size:
+    the number of values for the Fourier transform.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]

@@ -25,10 +25,11 @@ _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this man
 
 
 def spoilt_until_s(fitted: ModalFit) -> float | None:
-    """Return the time in s until which the start of a ring-down differs from the fitted vibrations.
+    """Return the time in s at which a disturbed start of a ring-down ends; None without a disturbance.
 
-    The result is None if the start does not differ, or if the recording is shorter than six periods. It is also None if
-    the motion differs for more than 40 % of the frames.
+    At a disturbed start the motion differs from the fitted vibrations, for example because a hand still touches the
+    beam. The result is also None if the recording is shorter than six periods, or if the disturbance lasts for more
+    than 40 % of the frames.
     """
     time = fitted.signals.time_s
     period = 1 / fitted.frequency_Hz

@@ -143,12 +143,12 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return by how much ln(frequency) and the loss factor differ between time windows beyond their noise, (2,).
+    """Return how much a swinging weight changes ln(frequency) and the loss factor between time windows, (2,).
 
-    A hanging weight that swings changes both from window to window. The result is the larger of two differences: the
-    largest difference between a used window and the fitted mode, and half of the difference between the last used and
-    the first unused window. Windows at small amplitudes do not count, because the swing is the larger part of the
-    motion in these windows.
+    Two differences are computed for each of the two numbers, and the larger one is returned. The first is the largest
+    difference between a used window and the fitted mode, minus twice the standard uncertainty of the window. Windows
+    with small amplitudes do not count in it, because the swing is the larger part of the motion there. The second is
+    half of the difference between the last used window and the first unused one.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: logarithm of the
     angular frequency, and loss factor, of the fitted mode.

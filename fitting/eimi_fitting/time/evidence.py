@@ -69,8 +69,8 @@ class RingEvidence:
     inflation : float
         Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
     age_s : float
-        Time since the last change of the load for which the vibrations count. The beam vibrates about the equilibrium
-        with the modulus at this time.
+        Time in s from the last change of the load to the vibrations. The material has relaxed for this time. The
+        equilibrium about which the beam vibrates is computed with the modulus at this time.
     """
 
     table: RingTable
@@ -127,12 +127,11 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
-        """Return the residuals (..., 2) of one mode from the deviations ``gaps`` of ln(frequency) and loss factor.
+        """Return independent residuals of variance 1, (..., 2), for ln(frequency) and loss factor of one mode.
 
-        number: the number of the mode, from 0.
-
-        The deviations are multiplied by the inverse Cholesky factor of their covariance. The residuals are therefore
-        uncorrelated and have the variance 1.
+        ``gaps`` (..., 2) has the deviations of the two numbers from the measured ones. Their errors are correlated. The
+        inverse Cholesky factor of their covariance matrix makes the residuals independent. number: the number of the
+        mode, from 0.
         """
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         covariance = self.inflation**2 * mode.covariance + np.diag([errors[0] ** 2, (errors[1] * mode.loss) ** 2])
@@ -181,10 +180,11 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence (a modulus) from the sag of the beam in a recorded ring-down (a free vibration).
+        """Return the modulus for which the beam sags under its weight as it does in a recording; None without one.
 
-        None if the beam hardly bends under its own weight, or if no modulus near the modulus of the ring-down gives the
-        measured sag.
+        The recording is a ring-down (a free vibration). The beam vibrates about its sagging equilibrium, so that the
+        mean position of the points gives the sag. The result is None if the beam hardly bends under its own weight, or
+        if no modulus from 0.3 to 3 times the middle modulus of ``table`` gives the measured sag.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)

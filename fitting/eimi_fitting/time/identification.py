@@ -290,9 +290,10 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the table of the beam's frequencies under the loads of a recorded motion.
+    """Return the table of the beam's frequencies for the loads and the hanging weight of a recorded motion.
 
-    If ``tables`` does not contain this table, the table is computed and added.
+    If ``tables`` has such a table, it is returned. Otherwise it is computed, about the modulus that belongs to the
+    measured frequency in ``decay``, and appended to ``tables``.
     """
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
@@ -341,11 +342,10 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the shear modulus that the sag of the beam at rest gives, as evidence for the viscoelastic law.
+    """Return the shear modulus that the sag of the beam gives, as evidence for the viscoelastic law; None without one.
 
-    The sag is measured in the first ring-down (free vibration) without a step of the load.
-
-    Only ring-downs with the loads of ``table`` count. None if there is no such ring-down.
+    The sag is measured in the first ring-down (free vibration) that does not begin with a step of the load and has the
+    loads of ``table``.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:

@@ -196,11 +196,10 @@ class TimeOptimum:
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum due to a change of the load factor's prior mean, (m,).
+        """Return the change of the m unknowns at the optimum if the magnetic loads are larger than stated, (m,).
 
-        The load factor is a factor on the magnetic loads.
-
-        sigma: the change of the prior mean of the logarithm of the load factor.
+        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. ``sigma`` is added to the mean
+        of this prior.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
@@ -221,9 +220,10 @@ class TimeOptimum:
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
     """Return the optimum of a viscoelastic fit: the best result of least-squares fits from several starts.
 
-    The possible starts are the best candidate of CMA-ES, the mean of the prior, and extensions of ``fewer``. The three
-    best of these candidates are used. ``fewer`` is the optimum for a Prony series with one term fewer. An extension of
-    ``fewer`` has an additional term, whose relaxation time is one of the mean relaxation times of the prior.
+    The possible starts are the best candidate of CMA-ES, the mean of the prior, and, if ``fewer`` is given, the optimum
+    with one term fewer plus an additional term. The additional term has a small modulus and one of the relaxation times
+    of the prior, so that there is one such start for each of these times. The three starts with the smallest residuals
+    are used.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -310,10 +310,11 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f quantities of P candidate laws in which the residuals are almost linear, (P, f).
+    """Return f numbers for each of P candidate laws, of which the residuals are almost linear functions, (P, f).
 
-    The f quantities are logarithms of moduli, loss factors of the material at the angular frequencies ``omegas``
-    (rad/s), and the logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
+    `drawn` uses them to approximate the residuals without a simulation. The numbers are logarithms of moduli at fixed
+    times and at the angular frequencies ``omegas`` (rad/s), loss factors of the material at these frequencies, and the
+    logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
@@ -332,11 +333,13 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
     """Return D draws of the m unknowns from their posterior, (D, m).
 
-    The posterior is far from normal if the data do not determine the terms. It is sampled by a group of walkers (sets
-    of values of the unknowns). Each walker moves along the straight line through itself and another walker (Goodman and
-    Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The residuals are approximated as linear functions of logarithms of
-    moduli and of loss factors. Then the changes due to the sources of uncertainty that a file specifies are added to
-    each draw.
+    If the data do not determine the terms, the posterior is far from normal. It is therefore sampled. A group of
+    walkers (sets of values of the unknowns) starts near the optimum. In each step a walker moves along the straight
+    line through itself and another walker, and the move is accepted or rejected by the probability density at its end
+    (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). For the density, the residuals are approximated as
+    linear functions of the numbers that `_features` returns.
+
+    The errors of uncertain inputs are added at the end: each draw is changed by ``steps``, times normal random numbers.
 
     Parameters
     ----------

@@ -1,10 +1,12 @@
 """Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
 
-The rotation theta of the tip represents the curvature of the whole beam. The moment of the material is the integral of
-mu(t - t') d theta(t'), with the relaxing shear modulus mu(t). This moment is in equilibrium with the moment m(theta) of
-the loads. Both moments have the unit Pa rad. The function m(theta) is computed from static solutions with several
-moduli. With the modulus mu the tip rotates by theta(mu), and therefore m = mu theta(mu). Without a field m = -k theta,
-with the stiffness k of gravity in Pa (`LoadCurve.of_gravity`).
+The rotation theta of the tip represents the curvature of the whole beam. At each time, two moments are in equilibrium.
+Both are given in Pa rad: a constant factor, which depends on the dimensions of the beam, is left out.
+
+- The moment of the material is the integral of mu(t - t') d theta(t'), with the relaxing shear modulus mu(t).
+- The moment of the loads is a function m(theta). It is computed from static solutions with several moduli: with a
+  modulus mu the tip rotates by theta(mu), and in equilibrium m = mu theta(mu). Without a field, m = -k theta with the
+  stiffness k of gravity in Pa (`LoadCurve.of_gravity`).
 
 The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. The error of
 this assumption is measured in `tests/fitting/time` by comparison with finite elements with internal variables.
@@ -245,10 +247,11 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times in s at which the integration steps end, between the times ``first`` and ``last`` of two loads.
+    """Return the times in s at which the integration steps between two changes of the load end.
 
-    The times are close together after the load at ``first`` begins, and include all times in ``wanted``. They are
-    closer together for the last load (``is_last``).
+    ``first`` and ``last`` are the times of the two changes. The steps are short just after ``first``, where the beam
+    moves fast, and become longer. The times in ``wanted``, at which the rotation is needed, are among the ends. After
+    the last change of the load (``is_last``), the steps are shorter.
     """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE

@@ -239,12 +239,14 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 
 
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time whose linear combination is fitted to the signals, (n, functions) at n times.
+    """Return the functions of time whose linear combinations are fitted to the signals, one in each column, at n times.
 
-    The columns are the decaying cosine and sine of each mode, cosine and sine of the two harmonics of the first mode,
-    the shift that is proportional to the square of the first mode's amplitude, and the functions of the slow baseline.
-    time: seconds since the first frame. modes: ln omega and loss factor in each row. bend: the rise of frequency and
-    loss factor with the amplitude, see `exponent`.
+    The columns are: a decaying cosine and a decaying sine for each mode; cosine and sine at two and at three times the
+    frequency of the first mode (harmonics); the square of the first mode's amplitude, because a nonlinear beam vibrates
+    about a shifted position; and the functions of the slow baseline.
+
+    time: seconds since the first frame, (n,). modes: ln omega and loss factor in each row. bend: the rise of frequency
+    and loss factor with the amplitude, see `exponent`.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
@@ -266,10 +268,11 @@ def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
 
 
 def _baseline(time: Array, frequency: float) -> Array:
-    """Return functions of time whose linear combinations describe a slow baseline, (n, functions) at n times.
+    """Return the functions of time that describe the slow motion of the beam, one in each column, at n times.
 
-    The linear combinations are cubic splines. The knots of the splines are at least 4 periods apart on average. For a
-    recording of less than about 8 periods, the linear combinations are straight lines.
+    Their linear combinations are cubic splines, whose knots are at least 4 periods of ``frequency`` (Hz) apart on
+    average, so that they cannot follow the vibration. For a recording of less than about 8 periods they are straight
+    lines.
     """
     span = time[-1] - time[0]
     inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
@@ -289,9 +292,9 @@ def _misfit(signals: Signals, mode: Array) -> float:
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise that has the same power near a frequency as the residuals.
+    """Return the level of the noise near a frequency: the standard deviation of white noise with the same power there.
 
-    residuals: (n, r) in n frames; frequency: in Hz.
+    residuals: the residuals of r signals in n frames, (n, r); frequency: in Hz.
     """
     n = len(residuals)
     step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)

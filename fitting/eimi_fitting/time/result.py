@@ -360,12 +360,11 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
 
 
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` in which the data determine the modulus.
+    """Return the range of times around ``start_s`` in which the data determine the modulus, to 5 %.
 
-    In this range the half-width of the 95 % interval of ln mu(t) is at most 5 %, and there are data. start_s: a time in
-    the range; data_s: the range of times that the data cover.
-
-    curves: the modulus mu(t) of D draws from the posterior at m times t, (D, m).
+    The range is extended from ``start_s`` to both sides, as long as the half-width of the 95 % interval of mu(t) is at
+    most 5 %. It ends at the latest where the data end. curves: the modulus mu(t) of D draws from the posterior at m
+    times t, (D, m). data_s: the range of times that the data cover.
     """
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))

@@ -1,14 +1,16 @@
 """The frequencies and loss factors of a specimen's vibrations, as functions of shear modulus and relaxation.
 
-The equilibrium modulus is the shear modulus with which the equilibrium is computed. The modes (`beam.vibration`) are
-computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus. In a vibration with the
-complex rate s, the modulus is the equilibrium modulus times the complex ratio r(s). For each equilibrium modulus, the
-eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
-lambda/r gives lambda for any complex r.
+A fit needs these functions for many candidate laws. They are therefore computed once as a table and interpolated. Two
+moduli matter:
 
-The modes are computed with a planar model, and the frequencies are multiplied by the ratio of the solid model's
-frequency to the planar model's frequency. The ratio is computed once for each mode, at the middle of the equilibrium
-moduli.
+- The equilibrium modulus is the shear modulus with which the static equilibrium is computed. The modes
+  (`beam.vibration`) are computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus.
+- In a vibration with the complex rate s, the modulus is the equilibrium modulus times a complex ratio r(s). The
+  eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
+  lambda/r gives lambda for any complex r.
+
+The modes are computed with a planar model. The frequencies are then multiplied by a factor for each mode: the frequency
+of the solid model divided by the frequency of the planar model, computed once, at the middle of the equilibrium moduli.
 """
 
 from __future__ import annotations
@@ -244,18 +246,17 @@ class RingTable:
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The ratio of two shear moduli, with which the planar model and the solid model bend equally.
+        """The factor by which the modulus of the planar model must be larger, so that it bends like the solid model.
 
-        The modulus of the planar model is divided by the modulus of the solid model, which is ``middle_Pa``.
+        The modulus of the solid model is ``middle_Pa``. The static rotation of the tip is compared.
         """
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the ratio of two moduli that give the same lowest frequency, to check the stated planar section.
+        """Return the modulus that a solid section would give, divided by the modulus that the stated section gives.
 
-        The modulus of the model with a solid section is divided by the modulus of the model with the stated section.
-        The result is 1 for a specimen whose section is a solid. `NoEquilibrium` is raised if the solid has no
-        equilibrium.
+        Both moduli give the same lowest frequency. The stated section is the one in the file, such as plane strain. The
+        result is 1 if it is a solid. `NoEquilibrium` is raised if the solid has no equilibrium.
         """
         if self.beam.specimen.section == "solid":
             return 1.0
@@ -364,7 +365,10 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the modulus ratios r for coordinates x of the polynomials, from -1 to 1; 1/r is a linear function of x."""
+    """Return the modulus ratios r that belong to the variable x of the polynomials, -1 < x <= 1.
+
+    1/r is a linear function of x, because lambda/r is almost a polynomial in 1/r (see the module).
+    """
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

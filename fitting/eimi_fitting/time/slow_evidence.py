@@ -74,10 +74,10 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the stiffness of gravity against a rotation of the tip (Pa).
+    """Return how strongly gravity resists a rotation of the tip, as a stiffness in Pa like a shear modulus.
 
-    This stiffness is the shear modulus times K_g / K_m of the lowest mode. K_m is the stiffness due to the material,
-    and K_g is the stiffness due to stresses and gravity.
+    In the lowest mode, K_m is the stiffness due to the material and K_g the stiffness due to stresses and gravity. K_m
+    is proportional to the shear modulus. The result is the shear modulus times K_g / K_m.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -187,17 +187,19 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the logarithm of the shear modulus that an elastic fit would give for each of P candidate laws, (P,).
+        """Return ln(modulus) that an elastic fit would find in the static states of a viscoelastic beam, (P,).
 
-        The fit treats the static states that the beam would show with the viscoelastic candidate as elastic.
+        The static states are simulated for P viscoelastic candidate laws. An elastic fit ignores that the modulus
+        relaxes while the loads act.
         """
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return the logarithm of the shear modulus of an elastic fit to given rotations of the tip, (P,).
+        """Return ln(modulus) that an elastic fit would find for given rotations of the tip, (P,).
 
-        rotations: for each run, the rotations at the times in `histories` for P candidate laws, (P, states) in rad.
+        The result is a mean over the states; states with larger rotations have more weight. rotations: for each run,
+        the rotations at the times in `histories` for P candidate laws, (P, states) in rad.
         """
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):

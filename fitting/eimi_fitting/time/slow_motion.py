@@ -1,8 +1,9 @@
 """The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
 
-The fitted vibrations are subtracted, and the remaining motion is averaged over at least one period. For each point, the
-displacement per rad of rotation of the tip is computed from two static solutions. With this displacement, the measured
-displacement of the point is converted to a rotation of the tip.
+Points on the beam are measured, and their displacements are converted to the rotation of the tip. The conversion needs
+the displacement of each point for a rotation of the tip by one rad, which follows from two static solutions
+(`displacement_per_rad`). The fitted vibrations are subtracted first, and the remaining motion is averaged over at least
+one period.
 """
 
 from __future__ import annotations
@@ -72,11 +73,12 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return which rotation `slow_rotations` would measure for each true rotation of the tip of a loaded beam.
+    """Return a table of true rotations of the tip and of the rotations that `slow_rotations` would measure for them.
 
-    `slow_rotations` divides by one displacement per rad. For a beam that is bent by its loads, the displacement per rad
-    changes while the beam creeps. At 50 degrees it changes by 1 % if the rotation changes by 0.1 degrees. Simulated
-    rotations are therefore converted with this result before they are compared with the measured rotations.
+    `slow_rotations` converts displacements with a constant displacement per rad. In a beam that is bent by its loads,
+    this number changes while the beam creeps: at 50 degrees, by 1 % for a change of the rotation by 0.1 degrees. The
+    measured rotations therefore have an error. Simulated rotations are converted with this table, so that they have the
+    same error, before both are compared.
 
     Parameters
     ----------
@@ -190,10 +192,10 @@ def slow_rotations(
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the root mean square of the vibration at m later times, (m,), as a rotation of the tip in rad.
+    """Return the vibration that remains at m later times, (m,), as a root mean square rotation of the tip in rad.
 
-    Vibrations were fitted to one part of the recording. If the frames after this part are few, the mean of their
-    displacements still contains a part of the vibration. The uncertainty of the mean is computed from the result. gain:
+    Vibrations were fitted to a part of the recording, and are subtracted only there. In the later frames the vibration
+    is small, but it does not cancel in the mean of a few frames. The result gives this uncertainty of the mean. gain:
     for each channel (coordinate of a point), the displacement per rad of rotation of the tip, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)

@@ -1,16 +1,17 @@
 """The vibration of a beam from which a weight hangs that swings like a pendulum.
 
 A weight on a thread exchanges energy with the beam, most of all if it swings at about the frequency of the beam or at
-half of this frequency. The beam then has two close vibrations, and neither of them has the frequency of the beam with a
-weight that does not swing. With the deflection y of the tip, the sideways displacement x of the weight, the sideways
-displacement c y of its thread's upper end, and the masses M of the moving beam with the weight and m of the weight,
+half of this frequency. There are then two vibrations of almost equal frequency, and neither of them has the frequency
+of the beam with a weight that does not swing. This module computes the latter from the two. Let y be the deflection of
+the tip, c y the sideways displacement of the upper end of the thread, and x that of the weight. Let m be the mass of
+the weight, and M the mass of the moving beam with the weight. Then
 
     M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,    w = g / length of the thread,
 
 where k is the complex stiffness of the beam. The squares lambda_1 and lambda_2 of the complex angular frequencies are
-the eigenvalues of a symmetric matrix with the determinant w k / M. The weight itself loses no energy. The share of the
-beam in the kinetic energy of vibration i is therefore p_i = Im lambda_i / (Im lambda_1 + Im lambda_2), the weight has
-the other share, and
+the eigenvalues of a symmetric matrix with the determinant w k / M. Only the beam loses energy, the weight does not. The
+share of the beam in the kinetic energy of vibration i is therefore p_i = Im lambda_i / (Im lambda_1 + Im lambda_2). The
+eigenvalues thus give the two numbers that are wanted:
 
     w = p_2 Re lambda_1 + p_1 Re lambda_2,    k / M = lambda_1 lambda_2 / w.
 
@@ -45,14 +46,12 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 
 
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
-    """Return the fit of two close vibrations; None if they do not describe the motion much better than one vibration.
+    """Return a fit of two vibrations of almost equal frequency, as a swinging weight causes them, or None.
 
-    The result is also None if something else than a swinging weight takes energy from the beam. This is assumed if the
-    frequency is the same in the first two time windows, but the loss factor of the beam that follows from the two
-    vibrations (`of_beam`) is far larger than the loss factor in the first window.
-
-    fitted: the fit of one vibration to the frames in which the beam moves freely; windows: the time windows of these
-    frames.
+    The fit must describe the motion much better than ``fitted``, the fit of one vibration to the same frames; otherwise
+    the result is None. It is also None if something else takes energy from the beam. This is assumed if the first two
+    time windows (``windows``) have the same frequency, but the loss factor in the first window is far smaller than the
+    loss factor of the beam that follows from the two vibrations (`of_beam`).
     """
     if fitted.noise < _NOISE:
         return None

@@ -25,14 +25,16 @@ _MOST_RIVALS = 2
 def cause_doubts(
     weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> tuple[Doubt, ...]:
-    """Return a doubt that names the most probable cause of the residuals, if this cause concerns the modulus.
+    """Return a doubt that names the most probable cause of the residuals, if the cause matters for the modulus.
 
-    A cause is a possible error of the bench. A cause concerns the modulus under one of two conditions. The corrected
-    modulus would lie outside the 95 % interval, or the most probable causes explain more than half of the mean error.
-    The second condition does not apply to causes whose uncertainties the files state, because the interval contains
-    them. The doubt also names the causes that the residuals do not distinguish from the first cause. A cause that the
-    fit has taken into account causes no doubt. A different doubt is returned if residuals exceed ten times the stated
-    noise and most probably no listed cause explains them.
+    A cause is a possible error of the bench. It matters under one of two conditions. First, the modulus that is
+    corrected for the cause lies outside the 95 % interval of the modulus. Second, the most probable causes explain more
+    than half of the mean error. The second condition does not apply if files state the uncertainties of these causes,
+    because the interval then contains their effect.
+
+    The doubt also names the causes that the residuals do not distinguish from the first one. There is no doubt about a
+    cause that the fit has taken into account. If most probably no listed cause is present, and residuals exceed ten
+    times the stated noise, a doubt says that the cause is unknown.
 
     Returns
     -------
@@ -80,12 +82,12 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other causes (errors of the bench) that the data do not distinguish from the first cause.
+    """Return at most two other causes of the residuals that may be present in place of the first cause.
 
-    If the first cause belongs to a class of causes that change the residuals in nearly the same way, the other causes
-    of this class are returned (`collinear_causes`). Otherwise, let p be the probability of the first cause. A returned
-    cause has a probability above p / 10, and the sum of both probabilities is below 1.2. If the sum is larger, both
-    causes are probably present together.
+    A cause is a possible error of the bench. The first cause may belong to a class of causes that change the residuals
+    in nearly the same way (`collinear_causes`); the others of its class are then returned. Otherwise a cause is
+    returned if its probability is above a tenth of the probability of the first cause, and if the two probabilities add
+    up to less than 1.2. With a larger sum, both causes are probably present together, and they are no rivals.
     """
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]

@@ -1,25 +1,24 @@
 """Find causes (errors of the bench) that change the residuals alike, and give these causes equal probabilities.
 
-Let e_0 be the remaining residuals without a cause. Let e_a be the remaining residuals if only the cause a is present,
-with its most probable amplitudes. e_0 and e_a are computed after the most probable changes of the law, in units of the
-noise. The difference S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
-explain. Let two causes a and b have the angle phi between S_a and S_b, and let S_a and S_b have the same length |S|.
-Then
+When are two causes alike? Let e_a be the residuals that remain if only the cause a is present, with its most probable
+amplitudes, and e_0 those that remain without a cause. Both are in units of the noise, and are computed after the most
+probable change of the law. S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
+explain. If S_a and S_b of two causes have the same length |S| and the angle phi between them,
 
-    |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2)
+    |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2).
 
-If one of the two causes is true and the noise is normal, the logarithm of the odds between the two causes is |e_a -
-e_b|^2 / 2 on average. The causes are alike if the data favour the true cause by less than 9 to 1. Then |e_a - e_b|^2 is
-below 2 ln 9 plus the number of amplitudes of both causes, because noise adds 1 for each amplitude. Probable causes are
-simulated at their amplitudes, so that the angle does not depend on the size up to which the residuals change linearly.
-Causes that are alike form a class of at most three. A class has one member if the value of the cause is negligible, and
-only other amplitudes of the cause explain the residuals.
+If one of the two causes is true and the noise is normal, the logarithm of the odds between the causes is |e_a - e_b|^2
+/ 2 on average. The causes are alike if these odds are below 9 to 1, that is, if |e_a - e_b|^2 is below 2 ln 9 plus the
+number of amplitudes of both causes (noise adds 1 for each amplitude). Probable causes are simulated at their
+amplitudes, so that large amplitudes are compared correctly too.
 
-The data do not decide between the causes of a class. The evidence (the probability density of the residuals) of these
-causes differs only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam
-that is 9 mm nearer change the residuals alike. 3 per cent are three usual sizes of the first cause, so that the
-evidence would favour the second cause, even if the scale is wrong. The hypotheses (sets of causes) that differ only by
-the choice within a class therefore share their probability equally, because their prior probabilities are equal.
+Causes that are alike form a class of at most three. A cause with a negligible value is alone in its class.
+
+The data do not decide between the causes of a class. Their evidence (the probability density of the residuals) differs
+only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam that is 9 mm
+nearer change the residuals alike. 3 per cent are three usual sizes of the first cause, so that the evidence would
+favour the second cause, even if the scale is wrong. Hypotheses (sets of causes) that differ only in the choice within a
+class therefore share their probability equally.
 """
 
 from __future__ import annotations
@@ -75,9 +74,10 @@ def classes(
 
 
 def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
-    """Return the logarithms of the probabilities of hypotheses, with equal probabilities for indistinguishable causes.
+    """Return the logarithms of the probabilities of hypotheses, shared equally between hypotheses that are alike.
 
-    A hypothesis is a set of causes (possible errors of the bench) that are present.
+    A hypothesis is a set of causes (possible errors of the bench) that are present. Two hypotheses are alike if they
+    differ only in the choice within a class. Their probabilities are added and divided equally.
 
     Parameters
     ----------

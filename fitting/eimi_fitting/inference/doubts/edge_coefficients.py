@@ -2,9 +2,9 @@
 
 Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
 describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
-the beam model is similar in states with similar loads and on both edges. The coefficients of the states and edges are
-therefore replaced by linear combinations (a rotation): for example, the sum and the difference of the two edges. The
-coefficients of such an error are independent in these combinations.
+the beam model is similar in states with similar loads and on both edges, so that its coefficients are correlated.
+Linear combinations of the states and of the edges, such as the sum and the difference of the two edges, are chosen in
+which they are not correlated. The coefficients of the residuals are converted to these combinations.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class Projection:
         For each experiment, the values of D orthonormal polynomials at m points in G groups (edges) and K states; zero
         for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, the matrix that replaces the K states by K linear combinations of states (``over_states``),
-        and the matrix that does so for the G groups (``over_groups``). The coefficients of the unexplained error are
-        independent in these combinations.
+        For each experiment, two orthogonal matrices. The columns of ``over_states`` are K linear combinations of the K
+        states, and the columns of ``over_groups`` G linear combinations of the G groups. In these combinations, the
+        coefficients of an unexplained error are independent of each other.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no error of the
         bench in `POSSIBLE_CAUSES` explains (``error``).
@@ -71,11 +71,12 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of N coefficients in mm^2, (N,), due to errors that are as large as given changes.
+        """Return the variance of the N coefficients in mm^2, (N,), due to errors as large as the given changes.
 
-        ``moves`` has C changes of the N coefficients in mm, shape (C, N). Each change stands for one error, which is
-        smooth along the edges. Its size in an experiment is the root mean square of the coefficients of the change. The
-        variance is ``error`` (the variance for 1 mm) times the sum of the squared sizes.
+        ``moves`` has C changes of the N coefficients in mm, shape (C, N). For each change, a random error is assumed
+        that is as large as the change, but has another smooth course along the edges. The size of a change in an
+        experiment is the root mean square of its coefficients there. The variance is ``error``, the variance for an
+        error of 1 mm, times the sum of the squared sizes.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -136,14 +137,13 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance of the polynomial coefficients due to noise, (G, D) in mm^2.
+    """Return the variance of the polynomial coefficients due to noise, in mm^2, (G, D).
 
-    There are D coefficients for each of G groups of points (edges, or x and y).
-
-    ``remainder`` has the residuals in mm minus their polynomials. For edges, the level and the correlation of the
-    remainder give the variance. If the remainder has fewer than ten degrees of freedom, and for tracked points, the
-    stated uncertainty gives the variance. The stated uncertainty of tracked points is common to all points of a state.
-    ``counts`` has the number of used points of each edge in each state.
+    There are D coefficients for each of G groups of points (edges, or x and y). For edges, the variance follows from
+    the level and the correlation of ``remainder``: the residuals in mm that the polynomials do not describe. If the
+    remainder has fewer than ten degrees of freedom, the stated uncertainty of the points is used instead. It is also
+    used for tracked points, where it counts as an error that is common to all points of a state. ``counts`` has the
+    number of used points of each edge in each state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())

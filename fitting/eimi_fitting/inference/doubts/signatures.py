@@ -121,11 +121,12 @@ class Solved:
         return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
 
     def between_ends(self) -> Array:
-        """Return 1 for a measured edge point that no usual error of the bench moves beyond an end of the edge, else 0.
+        """Return 1 for a measured edge point that is far enough from both ends of the simulated edge, else 0.
 
-        Beyond an end, the distance of a point from the edge is its distance from the end. This distance is not a smooth
-        function of the place of the point. The signature of a cause (the change of the residuals by an error of the
-        bench) would then depend on the sign of the finite difference.
+        A point near an end may lie beyond the end after a usual error of the bench, such as a shift of the clamp.
+        Beyond the end, the distance from the edge is the distance from the end, which is not a smooth function of the
+        place of the point. The signature of a cause (the change of the residuals by an error of the bench) is a finite
+        difference and would be wrong there. Such points are therefore left out.
 
         Returns
         -------

@@ -43,9 +43,9 @@ def without_twist(
     parameters : ndarray, shape (1, n)
         The n parameters of the law.
     angle_deg : float
-        Angle of the magnetisation to the plane of the picture in degrees. The true increase does not depend on the
-        sign of the angle. For a negative angle, d |sin phi| is nevertheless subtracted, so that the edges move outward
-        and the displacement is nearly proportional to the angle, as the comparison of causes requires.
+        Angle of the magnetisation to the plane of the picture in degrees. In reality the increase is the same for both
+        signs of the angle. Here, d |sin phi| is subtracted for a negative angle, so that the edges move outward. The
+        displacement of the edges is then nearly proportional to the angle, which the comparison of causes needs.
     """
     specimen, observed = bent.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:

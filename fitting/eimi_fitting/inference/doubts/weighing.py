@@ -163,15 +163,15 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return hypotheses that were not simulated, each with its most probable simulated part.
+        """Return the hypotheses that were not simulated, each with a simulated hypothesis whose residuals it can use.
 
-        A hypothesis is a set of causes (possible errors of the bench). A part of it is a hypothesis with some of its
-        causes. The residuals of a hypothesis are linear functions of the amplitudes (sizes) of its causes, and the
-        functions are exact at the amplitudes that were simulated. The caller uses the simulation of the part for the
-        whole hypothesis too. Both then have the same error of linearisation. Otherwise one more cause would seem to
-        make the agreement worse.
+        A hypothesis is a set of causes (possible errors of the bench). A part of it has some of its causes. The
+        residuals of a hypothesis are linear functions of the amplitudes (sizes) of the causes, which are exact only at
+        simulated amplitudes. If a hypothesis was not simulated, the simulation of its most probable part is used for
+        it. Both then have the same error of linearisation. Otherwise a hypothesis with one cause more could seem to
+        agree worse with the data.
 
-        The part contains every cause of the hypothesis that the fit has taken into account, because the shape at rest
+        A part must contain every cause of the hypothesis that the fit has taken into account, because the shape at rest
         would differ without such a cause.
 
         Parameters
@@ -204,19 +204,19 @@ class Weighing:
         """Return the variance of N coefficients in mm^2, shape (N,), due to errors of the simulation.
 
         The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
-
-        The errors are 1 per cent of each of C changes of the coefficients, ``moves``, shape (C, N) in mm, and the
-        errors that remain after the corrections by better beam models.
+        Two errors are counted. The simulated effect of the law and of each cause may be wrong by 1 per cent; ``moves``,
+        shape (C, N) in mm, has these C effects on the coefficients. The corrections by better beam models leave the
+        other error.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square, divided by the noise variance, of the part of ``y`` that is not explained.
+        """Return how badly a hypothesis explains the residuals: the mean square of the rest, in units of the noise.
 
-        ``y`` describes minus the residuals by the coefficients of polynomials along each edge, in mm
-        (`inference.doubts.edge_coefficients`). The explained part of ``y`` follows from ``amplitudes``: the changes of
-        the law, and the size of each error of the bench.
+        About 1 means that only noise is left. ``y`` has the coefficients in mm that describe minus the residuals by
+        polynomials along each edge (`inference.doubts.edge_coefficients`). ``amplitudes`` has the changes of the law
+        and the sizes of the errors of the bench; in the linear model they explain a part of ``y``.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
