@@ -35,10 +35,10 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the law with the smallest errors, of all laws fitted to the tensile curve of a material.
+    """Return the index in `Findings.routes` of the law fitted to the material's tensile curve with the smallest errors.
 
-    `key` is the material, and `section` the model of the cross-section. The index counts all identified laws that
-    `Findings.routes` returns. The mean errors are summed over the types of specimen that `untwisted` returns.
+    Of each law, the mean errors on the types of specimen that `untwisted` returns are added. `key` is the material, and
+    `section` the model of the cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)

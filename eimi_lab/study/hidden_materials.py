@@ -71,7 +71,11 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """Gent's law (1996, Rubber Chem. Technol. 69:59) with a term that softens with strain, and a term in I2."""
+    """The sum of Gent's law (1996, Rubber Chem. Technol. 69:59), a softening term and a term in I2; see `formula`.
+
+    The stiffness of the softening term decreases exponentially with the first invariant. The attributes are the
+    constants of the formula: `lasting` is g, `most` is Jm, `fading` is f, `rate` is b and `second` is c.
+    """
 
     name = "fading Gent"
     formula = "W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3))"

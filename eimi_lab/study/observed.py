@@ -4,9 +4,9 @@ The edges are the outline of the beam model with a solid section, on a finer mes
 of the size of the error of the edge finder is added. Frames are not rendered: on a clean picture the error of the edge
 finder is a hundredth of a pixel, and rendering would take most of the time.
 
-The specimen of type 4 is turned about its own axis, as Di Lecce et al. 2022 report. Here the moment of its magnet
-points out of the plane of the picture, and the field twists the beam (`beam.twist`). The camera then sees a part of the
-depth in addition to the width. The beam models of the fits do not include this twist.
+Di Lecce et al. 2022 report that their specimen of type 4 turned about its own axis. The simulation therefore tilts the
+moment of its magnet out of the plane of the picture, so that the field twists the beam (`beam.twist`). The camera then
+sees a part of the depth in addition to the width. The beam models of the fits do not include this twist.
 """
 
 from __future__ import annotations

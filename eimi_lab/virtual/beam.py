@@ -68,7 +68,7 @@ class VirtualLoads:
     coil: CoilShape | None = None
 
     def at(self, field_mT: ArrayLike) -> Loads:
-        """Return the loads on the beam for each of K values of the coil's field at the magnet, mT, shape (K,)."""
+        """Return the loads on the beam in K states; `field_mT` (K,) is the coil's field at the magnet in each, mT."""
         loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
         if not any(self.background_T):
             return loads

@@ -140,12 +140,12 @@ class MovingBeam:
         Parameters
         ----------
         time_s : float
-            The later time, s.
+            The later time, s; used only without ``output_times_s``.
         field_mT : callable
             Returns the field of the coil (mT) at any time (s) since the last call.
         output_times_s : ndarray, shape (m,), optional
-            Increasing times (s) at which the coordinates are returned. The beam then moves to the last of these times.
-            By default the beam moves to ``time_s``, and only the coordinates at this time are returned.
+            Increasing times (s). The beam moves to the last of these times, and the coordinates at all of them are
+            returned. By default the only time is ``time_s``.
 
         Returns
         -------

@@ -104,8 +104,10 @@ def _section_m2(specimen: Specimen) -> float:
 class Rod:
     """Kinematics, inertia and forces of the elastic rod that models the moving beam.
 
-    The n coordinates of the rod are amplitudes of bending, the angle of the hinge (only with a magnet), and amplitudes
-    of stretching. The mass of the rod is concentrated at p points: the Gauss points and the rigid part at the tip.
+    The shape of the rod is described by n coordinates. The first ones are coefficients of Legendre polynomials whose
+    sum, along the rod, is the curvature times the length. With a magnet, the angle of the hinge follows. The last ones
+    are coefficients of Legendre polynomials whose sum is the strain. The mass of the rod is concentrated at p points:
+    the Gauss points and the rigid part at the tip.
     """
 
     def __init__(self, specimen: Specimen, stiffness: Stiffness) -> None:

@@ -41,9 +41,9 @@ _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
 def port_of(address: str) -> int | None:
     """Return the TCP port on which the instrument with an address is served; None for a pseudo-terminal.
 
-    If `address` is a network address of this computer, the result is the port in the address. For any other network,
-    GPIB or USB address, the result is 0, which means any free port. For a serial port, the result is None. On Windows,
-    which has no pseudo-terminals, the result for a serial port is also 0.
+    `address` is the address of a real instrument in the rig file. An address on this computer is served on its own
+    port. An instrument on the network, on GPIB or on USB is served on any free port, and the result is 0. An instrument
+    on a serial port is served on a pseudo-terminal or, on Windows, also on any free port.
     """
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):

@@ -17,7 +17,10 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 
 def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) -> Loads:
-    """Return the loads with the shape of the coil's field and the background field that a calibration gives.
+    """Add to loads what a calibration says about the field: its variation in space, and the background field.
+
+    The coil's field varies in space if the calibration describes the coil or contains a map of the field. The
+    background field is the field without a current.
 
     Parameters
     ----------
@@ -58,8 +61,8 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the field without a current that a calibration gives, T, shape (2,); 0 by default.
+    """Return the background field of a calibration, that is, the field without a current: x and y in T, shape (2,).
 
-    The components are along the straight beam (x) and across the beam (y).
+    x is along the straight beam, and y across it. The field is 0 if the calibration gives none.
     """
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

@@ -226,11 +226,11 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection (weighted sum of colours) with the given weights, and measure its separation.
+    """Return a projection (weighted sum of colours) with the given weights and with its measured separation.
 
     The separation is the difference between the grey values of beam and surroundings, in standard deviations. It is
-    measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of all values is the
-    result, so that the projection must also separate on unclear sides and in unclear pictures.
+    measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of these values is
+    taken, so that a few clear sides or pictures do not hide unclear ones.
     """
     separations = []
     for sample in samples:

@@ -1,9 +1,7 @@
-"""The camera driver `aravis` calls the library Aravis in the right order and waits for the right times.
+"""The camera driver `aravis` calls the library Aravis in the right order, and waits as long as it should.
 
-The tests use a replacement for the library.
-
-The replacement answers at once and moves a simulated clock. `test_aravis_camera` and `test_aravis_faults` test the
-driver with the library and its emulated camera.
+The tests use a replacement for the library, which answers at once and moves a simulated clock. `test_aravis_camera` and
+`test_aravis_faults` test the driver with the library and its emulated camera.
 """
 
 from __future__ import annotations

@@ -44,10 +44,11 @@ def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the integral of psi(F) + p (J - 1) over the element; its derivatives at a fixed pressure are the forces.
+    """Return the potential of a planar element; its derivatives with respect to the displacements are nodal forces.
 
-    psi is the energy of the law, F the deformation gradient, J its determinant and p the pressure. In plane stress
-    there is no pressure. ops: the shape functions of the element. batch: the law. nodal: displacements of the nodes.
+    The potential is the integral of psi(F) + p (J - 1) over the element, with the energy psi of the law, the
+    deformation gradient F, its determinant J and the pressure p. In plane stress there is no pressure. ops: the shape
+    functions of the element. batch: the law. nodal: displacements of the nodes.
     """
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value

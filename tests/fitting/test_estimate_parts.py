@@ -1,7 +1,7 @@
-"""Parts of the estimate of a fit are right for numbers that can be checked by hand.
+"""Parts of the estimate of a fit are compared with calculations by hand.
 
-The parts are the bounds of the errors of the beam model, wider intervals if there are few edges, the derivatives of the
-parameters with respect to the coordinates of the search, and the linearised evidence.
+The parts are: the bounds of the errors of the beam model; the wider intervals if there are few edges; the derivatives
+of the parameters with respect to the coordinates of the search; the linearised residuals.
 """
 
 from __future__ import annotations

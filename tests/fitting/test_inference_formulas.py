@@ -750,10 +750,10 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:
-    """The distance of a prior is its residual at the optimum without this prior, divided by a standard deviation.
+    """The distance of a prior shows whether the data contradict it: it is measured from the optimum without the prior.
 
-    The standard deviation is that of the residual. Its square is the sum of the variances of the prior and of the fit
-    without the prior.
+    The distance is the difference between the prior and this optimum, in standard deviations of the difference. The
+    variance of the difference is the sum of the variances of the prior and of the fit without the prior.
     """
     about = evidence()
     shift = np.linalg.solve(about.hessian, about.score)
@@ -839,10 +839,11 @@ def problem_of(*states: LinearStates) -> Any:
 
 
 def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
-    """The weight of state k is w_k = N / (K e N_k e_k), so that the sum of w_k N_k e_k² is N.
+    """With the weights of the states, the sum of all squared residuals is the number N of independent points.
 
-    N is the number of independent points, N_k the number of points of state k, e_k its error, and e the mean error of
-    the K states. The errors contain the error of the beam model (added in quadrature).
+    State k has the weight w_k = N / (K e N_k e_k). N_k is the number of its points, e_k its error (root mean square),
+    and e the mean error of the K states. The sum of w_k N_k e_k² over all states is then N. The errors contain the
+    error of the beam model (added in quadrature).
     """
     states = [noisy([0.01, 0.03]), noisy([0.02], seed=5)]
     problem = problem_of(*states)

@@ -144,9 +144,10 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
 @pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
 def test_a_tip_force_on_a_magnet_acts_with_its_lever_arm(section, beyond_face, across):
-    """A small force F on the rigid magnet turns the tip by F l^2 / (2 E I), plus the effect of its lever arm.
+    """A force on the rigid magnet at the tip bends the beam as beam theory says, wherever on the magnet it acts.
 
-    l is the length of the flexible part. The lever arm gives a moment about the inner face of the magnet.
+    A force F across the beam at the inner face of the magnet turns the tip by F l² / (2 E I), with the flexible length
+    l. A force at another point adds a moment about the inner face, the force times its lever arm.
     """
     magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))

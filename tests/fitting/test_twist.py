@@ -51,11 +51,10 @@ def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -
 
 
 def test_a_bent_beam_twists_as_a_rod_in_space() -> None:
-    """The twist of the beam agrees with the twist of a chain of rigid pieces at its least energy.
+    """The computed twist of a bent beam agrees with that of a chain of eight rigid pieces in three dimensions.
 
-    The chain bends and twists in three dimensions. The magnetic moment is tilted out of the plane by a small angle.
-
-    In the material frame of a piece, x is along the rod, y is in the plane and z is normal to the plane.
+    The pieces are joined by springs against bending and twist. The shape of the chain is the one with the least energy.
+    The magnetic moment at the tip is tilted out of the plane of bending by a small angle.
     """
     pieces, field = 8, np.array([0.0, 7e-3, 0.0])
     spacing, stiffness = LENGTH_M / pieces, np.array([TORSION, OUT_OF_PLANE, IN_PLANE])

@@ -17,10 +17,10 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Return the forces (x, y) in newton on all n nodes of a mesh, shape (n, 2), of a dead traction on one edge.
+    """Convert a traction on one edge of a mesh to forces (x, y) in newton on the n nodes of the mesh, shape (n, 2).
 
-    The forces do the same work as the traction. nodes: the nodes of the edge, in order. traction: function from a point
-    (x, y), shape (2,), to the traction in N/mm², shape (2,).
+    The forces do the same work as the traction, which does not change with the deformation. nodes: the nodes of the
+    edge, in order. traction: function from a point (x, y), shape (2,), to the traction in N/mm², shape (2,).
     """
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
@@ -33,9 +33,10 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the equilibrium of a neo-Hookean body under dead nodal forces, applied in `steps` equal steps.
+    """Return the equilibrium of a neo-Hookean body under forces on its nodes, applied in `steps` equal steps.
 
-    force: forces (x, y) on the n nodes, shape (n, 2). mu, bulk: shear modulus and bulk modulus.
+    force: forces (x, y) on the n nodes, shape (n, 2), which do not change with the deformation. mu, bulk: shear modulus
+    and bulk modulus.
     """
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)

@@ -108,10 +108,10 @@ def test_the_computed_deviation_of_a_slender_beam_matches_the_scatter():
 @pytest.mark.parametrize("silicone_px", [0.5, 1.5, 3.0, 6.0])
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
-    """The outer edge of thin silicone beside the magnet is found without bias.
+    """Beside the magnet, where the silicone of the beam is thin, the edges of the beam have no bias.
 
-    The root mean square of the errors, each divided by its stated standard deviation, is below 1.25. Every profile of
-    grey values across this edge also crosses the edge of the magnet.
+    Every profile of grey values there crosses two edges: that of the beam and that of the magnet. The standard
+    deviations of the points are also right: the errors, divided by them, have a root mean square below 1.25.
     """
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)

@@ -90,10 +90,10 @@ class CreepingRod:
         return new
 
     def hold(self, field_mT: float, seconds: float) -> tuple[Array, Array]:
-        """Change the field at once, keep it for `seconds`, and return the creep.
+        """Change the field at once, keep it for `seconds`, and return the creep: times, and coordinates at these times.
 
-        The creep consists of m times (s), shape (m,), and of the n coordinates at these times, (m, n). The first time
-        is 0, and its coordinates are those after the elastic response to the change.
+        The m times (s) have the shape (m,), and the n coordinates (m, n). The first time is 0; its coordinates are
+        those after the elastic response to the change.
         """
         decades = np.log10(seconds / _FIRST_S)
         times = np.append(0.0, np.geomspace(_FIRST_S, seconds, int(np.ceil(_STEPS_PER_DECADE * decades)) + 1))

@@ -115,10 +115,10 @@ def make_bent_scene(
     beam: BentBeam,
     size: tuple[int, int] = SIZE,
 ) -> Scene:
-    """Return a scene to render: the beam, and a clamp four times as wide as the beam, whose lower edge is at x = 0.
+    """Return a scene to render: a beam that hangs from a clamp four times as wide as the beam.
 
-    The scene has two samples for each pixel and direction, so that errors of the renderer do not count as errors of the
-    search.
+    The beam leaves the clamp at x = 0 of the beam frame. Each pixel is computed from 2 x 2 smaller pixels, so that the
+    errors of the rendering are much smaller than the errors of the edge search.
     """
     frame = BeamFrame(calibration)
     wide, high = 2.0 * specimen_file.specimen.width_mm, 0.5 * specimen_file.specimen.length_mm

@@ -31,9 +31,9 @@ MAGNETIC = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 5.0
 
 
 def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: int) -> Configuration:
-    """Return the equilibrium of a solid under dead nodal forces of N nodes, shape (N, 3), applied in equal steps.
+    """Return the equilibrium of a solid under forces on its N nodes, shape (N, 3), applied in equal steps.
 
-    name: key of the law in `LAW_EXAMPLES`. bulk: bulk modulus in MPa.
+    The forces do not change with the deformation. name: key of the law in `LAW_EXAMPLES`. bulk: bulk modulus in MPa.
     """
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([bulk]))
     now = solid.rest(1)
@@ -45,10 +45,11 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
 
 
 def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the nodal forces of N nodes, shape (N, 3), of a dead traction on one face of a mesh.
+    """Convert a traction on one face of a mesh to forces on its N nodes, shape (N, 3).
 
-    axis, at: the face at the beginning (at = 0) or end (at = -1) of this axis of the grid. traction: function from n
-    points, shape (n, 3), to the traction at each point, shape (n, 3).
+    The traction does not change with the deformation. axis, at: the face lies at the beginning (at = 0) or the end (at
+    = -1) of this axis of the grid. traction: function from n points, shape (n, 3), to the traction at each point, shape
+    (n, 3).
     """
     numbers = np.take(mesh.numbers, at, axis=axis)
     corner = numbers[0:-1:2, 0:-1:2].ravel()
@@ -107,12 +108,11 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
     """Twist a cube of solid elements with side 1 about z; return the error of the displacement and the torque.
 
     The surface of the cube is rotated as in pure torsion, by the angle `twist` (rad) for each unit of z. In an
-    isotropic, incompressible body, the inside then follows without forces inside (Rivlin 1948, Phil. Trans. R. Soc. A
-    241:379). The error is the largest difference between the displacement of an inner node and this solution.
+    isotropic, incompressible body, pure torsion is an exact solution (Rivlin 1948, Phil. Trans. R. Soc. A 241:379). The
+    error is the largest difference between this solution and the displacement of an inner node.
 
-    The torque is divided by mu twist / 6, the exact torque of a neo-Hookean cube with the shear modulus mu: in its
-    sections, the shear stress at the distance r from the axis is mu twist r. name: the law. divisions: number of
-    elements along a side.
+    The torque is divided by mu twist / 6, the exact torque of a neo-Hookean cube with the shear modulus mu. name: the
+    law. divisions: number of elements along a side.
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)

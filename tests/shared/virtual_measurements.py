@@ -179,9 +179,10 @@ def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) 
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """Return an experiment with the nominal values of the files and with the edges of the true beam.
+    """Simulate one experiment: return the edges of the true beam, with the nominal values from which a fit starts.
 
-    deviations: difference of the true values from the nominal values, by the name of the uncertain input.
+    deviations: difference of the true values from the nominal values, by the name of the uncertain input. The fit does
+    not know these differences.
     """
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)

@@ -96,11 +96,11 @@ def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
-    """Return the grey values of a blurred step of light that a camera with the given gamma stores.
+    """Return the grey values that a camera with the given gamma stores at a blurred edge.
 
-    ``place`` is the distance of each value from the expected edge, and ``offset`` is that of the real edge. ``dark`` is
-    the light on the dark side, as a share of that on the bright side, whose grey value is ``scale``. ``blur`` is the
-    standard deviation of the blur. Distances are in pixels.
+    `place` is the distance of each value from the expected edge, and `offset` the distance of the true edge from the
+    expected edge. `scale` is the grey value on the bright side. `dark` is the light on the dark side, divided by the
+    light on the bright side. `blur` is the standard deviation of the blur. Distances are in px.
     """
     light = dark + (1.0 - dark) * scipy.special.ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))

@@ -54,10 +54,10 @@ def suggest_correction(
 ) -> SuggestedCorrection:
     """Suggest which value is probably wrong for an image in which no beam was found.
 
-    The search for the beam is repeated without clicked points (points that a person clicked on the beam), and with
-    another width, scale, axis or clamp. Each search changes one value clearly. A change succeeds if a beam of nearly
-    the full length is located, and no flag (failed quality check) is more severe than a note. The first change that
-    succeeds is suggested. The suggestion is not a proof, and no file is changed.
+    The search for the beam is repeated several times, each time with one changed value: without the points that a
+    person clicked on the beam, or with another width, scale, axis or clamp. A change succeeds if a beam of nearly the
+    full length is located, and no flag (failed quality check) is more severe than a note. The first change that
+    succeeds is suggested. The suggestion may be wrong, and no file is changed.
 
     No value is suggested if the given values already lead along a clear body of nearly the full length and of the given
     width. Another clamp or axis would then lead to the same body, or to a wrong body.

@@ -74,8 +74,8 @@ class Strip:
     step_px : float
         Distance between neighbouring points.
     variance : float
-        Variance of a colour, summed over the colour channels. Colours that differ by less than three standard
-        deviations count as equal.
+        Variance of the colours inside the strip, summed over the colour channels. It shows how much two colours of the
+        beam may differ: by up to three standard deviations they count as equal.
     rival : float
         Score (sum of the gains) of the best strip along another body, divided by the score of this strip. The ratio is
         1 or more if an earlier picture decided between the two bodies.
@@ -261,11 +261,12 @@ def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the strips with the highest scores, at most one in each cell of position and direction.
+    """Return the indices of the best strips, without strips that are almost the same as a better one.
 
-    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges. The indices are in the order of decreasing score. x, y: outer ends of the strips, px. angle: directions, rad.
-    width: nominal width of the beam, to which the size of a cell is proportional, px.
+    A strip is a band of the picture that may show the beam; the best strips have the highest scores. Strips are almost
+    the same if their ends lie in the same small square of the picture and their directions in the same small interval.
+    x, y: outer ends of the strips, px. angle: directions, rad. width: nominal width of the beam, px; a side of the
+    squares is a fifth of it. The indices are in the order of decreasing score.
     """
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]

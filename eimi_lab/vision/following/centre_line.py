@@ -67,9 +67,11 @@ class CentreLine:
 
         A search step extends a strip, a band of the picture that may show the beam; the gain of the step is added to
         the score of the strip. Let d be the distance between the end of the step and the part of the line that is about
-        equally far from the clamp, and let e be the amount by which d exceeds the tolerance `free_px`, in half beam
-        widths. The gain is `evidence` if d does not exceed `free_px`. Otherwise the gain is the larger of -e²/2 and
-        -`largest_cost`. For steps that end farther from the clamp than the end of the line, the gain is 0.
+        equally far from the clamp. The gain is
+
+        evidence                      if d <= free_px,
+        - min(e² / 2, largest_cost)   if d > free_px, with e = (d - free_px) / (half of the beam's width),
+        0                             if the step ends farther from the clamp than the line.
 
         Parameters
         ----------
@@ -152,10 +154,11 @@ def carried_line(middle_px: Array) -> CentreLine:
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp and the clicked points, px, without the first clicked points that are within 20 px of the clamp.
+    """Return the clamp, followed by the clicked points, but without the first points within 20 px of the clamp.
 
-    The clamp has the shape (2,), the n clicked points have the shape (n, 2), and the result has the shape (1 + k, 2)
-    with k <= n. The last clicked point is always kept.
+    Such points say little about the direction of the beam, because a click may lie 10 px beside the beam. The last
+    point is always kept. The clamp has the shape (2,) and the n clicked points (n, 2), in px. The result has the shape
+    (1 + k, 2) with k <= n.
     """
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1

@@ -138,10 +138,10 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return the probability that each colour of the unrolled picture is a colour inside the beam, shape (n, m).
+    """Return, for each sampled point, the probability that its colour is a colour of the beam, shape (n, m).
 
-    The unrolled picture is the picture sampled at n stations (places) along the beam and m points across the beam. The
-    probability follows from histograms of the colours at the points `inside` and `outside`, over all stations.
+    The probability follows from the frequencies of the colour at the points `inside` and `outside` the beam. The n by m
+    points are those of the unrolled picture: n stations (places) along the beam and m points across it.
     """
     counts = []
     for mask in (inside, outside):

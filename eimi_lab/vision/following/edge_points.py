@@ -148,10 +148,11 @@ class _Edge:
 
         Return the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape (n,).
 
-        The lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The colours on
-        a line are weighted as at the station (place along the beam) with the index `station` (n,), the nearest one of
-        the unrolled picture. The fit starts from the blur `blur`, px. If `level` is true, the slope of the light beside
-        the edge is removed first, for which the curve must be close to the edge.
+        The n lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The colours
+        on a line become one number with the weights of the nearest station (place along the beam at which the unrolled
+        picture was sampled); `station` (n,) is the index of this station. The fit starts from the blur `blur`, px. If
+        `level` is true, the slope of the light beside the edge is removed first. The curve must then be close to the
+        edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
@@ -268,11 +269,11 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Return the signed distances of n points from a smooth spline, shape (n,), and the degrees of freedom of the fit.
+    """Fit a smooth spline to n points of an edge; return their signed distances from it and the degrees of freedom.
 
-    points: points of one edge, shape (n, 2). kept: whether a point is used for the fit, shape (n,). The pieces of the
-    spline have equal lengths. With equal numbers of points, a piece in a region with few points would be too long to
-    follow the shape of the edge.
+    points: shape (n, 2). kept: whether a point is used for the fit, shape (n,). The distances have the shape (n,). All
+    pieces of the spline have the same length, so that the spline can follow the shape of the edge also where points are
+    few.
     """
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))

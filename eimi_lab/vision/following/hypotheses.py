@@ -218,10 +218,12 @@ def updated_templates(
 
 
 def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
-    """Return the variance that is assumed for a colour of each of n strips, summed over the channels, shape (n,).
+    """Return the variance of the colours of each of n strips, summed over the channels, shape (n,).
 
-    A strip is a band that may show the beam. least: smallest variance. scatter: variance of the colours along each
-    strip, shape (n,). inside: colours at nine points inside each strip, shape (n, 9, channels).
+    A strip is a band that may show the beam. The variance is the sum of the smallest possible variance `least`, of the
+    variance `scatter` (n,) of the colours along the strip, and of a share of the variance across the strip. `inside`,
+    shape (n, 9, channels), holds the colours at nine points across the inside. Only a share is taken because a round
+    beam is shaded.
     """
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 

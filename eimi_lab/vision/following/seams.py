@@ -103,10 +103,11 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Return the positions across the beam of a seam (a line along an edge) at n places, nominal widths, shape (n,).
+    """Return the positions across the beam of a seam (line along an edge) at n stations, in nominal widths, (n,).
 
-    Each position is refined by a parabola through the values at the neighbouring points. value: shape (n, m). seam:
-    index of the seam's point at each station, shape (n,). across: coordinates of the m points, shape (m,).
+    The seam has the index `seam` (n,) among the m points across the beam, whose coordinates are `across` (m,). The
+    position between two points is the maximum of a parabola through the values `value` (n, m) at the point of the seam
+    and its two neighbours.
     """
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))

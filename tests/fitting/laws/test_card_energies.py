@@ -76,10 +76,10 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return one `Reading` for each law, as Abaqus or ANSYS interprets the constants of a card.
+    """Return, for each law, the `Reading` of a card by Abaqus or ANSYS: how the program interprets the constants.
 
-    The two programs scale some constants differently; `ansys` is true for ANSYS. `of_yeoh` and `of_ogden` return the
-    bulk moduli of these laws from the constants.
+    The two programs use the same keywords, but scale some constants differently (`ansys`: whether the program is
+    ANSYS). `of_yeoh` and `of_ogden` compute the bulk modulus from the constants of a card of Yeoh's and of Ogden's law.
     """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)
