@@ -107,8 +107,9 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
     """Return the two stiffnesses of the rod for the nominal dimensions, and how they change with the dimensions.
 
-    The stiffnesses are those of bending and of the hinge. The first result has their logarithms, (2,). The
-    second result has the derivatives of these logarithms by the logarithms of width, depth and length, (3, 2).
+    The stiffnesses are the bending stiffness and the stiffness of the hinge at the magnet. The first result has their
+    logarithms, (2,). The second result has the derivatives of these logarithms by the logarithms of width, depth and
+    length, (3, 2).
     """
 
     def logs(specimen: Specimen) -> np.ndarray:

@@ -59,8 +59,8 @@ class Actuation(Protocol):
         mesh : LoadedMesh
             The mesh with the integrals that are needed to compute forces.
         total : SolidLoads
-            The sum of all loads, changed in place; one row for each candidate. Add the forces on the whole specimen
-            multiplied by ``mesh.share``.
+            The sum of all loads, with one row for each candidate. This method adds to its arrays in place. Forces on
+            the whole specimen must be multiplied by ``mesh.share``, because the mesh may be a part of the specimen.
         """
         ...
 
@@ -125,8 +125,8 @@ class LoadedMesh:
     slopes : ndarray, shape (N, d)
         Integrals of the derivatives of the nodes' shape functions over the silicone, in mm² (in mm for a planar mesh).
     nodal_dipole : ndarray, shape (N,)
-        Nodal force along the field, in N, in a field of 1 T: the product of ``slopes`` and the magnetisation of the
-        silicone.
+        The magnetic force on each node in N, in a field of 1 T. It points along the field. It is the product of
+        ``slopes`` and the magnetisation of the silicone.
     element_dipole : ndarray, shape (E, n)
         The contribution of each element to ``nodal_dipole``.
     element_share : ndarray, shape (E, n)

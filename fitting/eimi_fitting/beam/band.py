@@ -36,7 +36,10 @@ def _most(run: Indices) -> int:
 
 
 class BandAssembly:
-    """The positions of the entries of all element matrices in the lower band of the assembled matrix.
+    """Adds the matrices of all elements to the band matrix of the whole mesh.
+
+    For every entry of an element matrix, the position in the lower band of the assembled matrix is computed once, when
+    the object is created.
 
     Parameters
     ----------

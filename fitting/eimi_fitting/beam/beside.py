@@ -288,10 +288,10 @@ class SolidBeside:
     ) -> Configuration | None:
         """Return the shape of the solid model minus the planar shape in one state; None if Newton's method fails.
 
-        Newton's method begins at the planar shape plus ``predicted``. If Newton's method does not converge in a few
-        steps, it begins again at the planar shape. The second attempt is needed for fields of both signs. The first two
-        solved states are then the outermost states. A line through the differences in these two states is a bad start
-        for the states between them.
+        Newton's method begins at the planar shape plus the difference ``predicted``. If it does not converge in a few
+        steps, it begins again at the planar shape. The second attempt is needed if the fields have both signs:
+        ``predicted`` may then be interpolated on a straight line between the two outermost states, which is a bad start
+        for a state between them.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -303,9 +303,9 @@ class SolidBeside:
         return None
 
     def _lift(self, flat: Shapes) -> Array:
-        """Return the displacements of the planar model at the n nodes of the plane in K states, in mm, (1, K, n, 3).
+        """Return the displacements of the planar model as vectors in space, in K states, (1, K, n, 3) in mm.
 
-        The third component, in depth, is zero.
+        The n points are the nodes of one layer of the solid mesh, at one depth. The third component, in depth, is zero.
         """
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)

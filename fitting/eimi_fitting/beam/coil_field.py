@@ -195,11 +195,11 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the contribution of the curvature c to the field ratio q and its derivatives at B points, (6, B).
+        """Return what the curvature of the field adds to the field ratio q and to its derivatives, at B points, (6, B).
 
-        The field of the curvature has the components B_s = c (s^2 - t^2 / 2) and B_t = -c s t, with the coordinates s
-        along the axis and t across the axis, measured from the position of the magnet at rest. The rows are the
-        contribution to q and its derivatives, in the order of `FieldTable.derivatives`.
+        Let s be the coordinate along the axis of the coil and t the coordinate across it, measured from the position of
+        the magnet at rest. The curvature c (``curvature_per_m2``) adds c (s^2 - t^2 / 2) to the component along the
+        axis and -c s t to the component across it. The rows of the result are in the order of `FieldTable.derivatives`.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
@@ -293,9 +293,10 @@ class DipoleInField:
 class SiliconeInField:
     """Magnetised silicone in the field of a coil, with one dipole in the middle of each element.
 
-    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest.
-    This dipole is the sum of the nodes' positions, each multiplied by its weight in ``dipoles``. The point at which the
-    dipole lies is the sum of the nodes' positions, each multiplied by its weight in ``shares``.
+    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest. F
+    is linear in the positions of the nodes. The dipole is therefore a weighted sum of these positions; ``dipoles`` has
+    the weights. The dipole lies in the middle of the element, which is another weighted sum, with the weights
+    ``shares``.
 
     Parameters
     ----------
@@ -306,9 +307,9 @@ class SiliconeInField:
     nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) at rest of the n nodes of each of E elements.
     shares : ndarray, shape (E, n)
-        Weights of the nodes' positions in the position of the dipole.
+        Weights of the nodes' positions for the position of the dipole.
     dipoles : ndarray, shape (E, n)
-        Weights of the nodes' positions in the dipole, in N/T.
+        Weights of the nodes' positions for the dipole itself, in N/T.
     field_T : ndarray, shape (B, 2)
         The field (x, y) at ``rest_mm`` for each of B candidate laws, or shape (1, 2) for all candidates.
     """

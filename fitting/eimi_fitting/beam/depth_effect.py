@@ -145,9 +145,10 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values s of the bending at which the depth effect is taken from ``base``: 0 if ``by_turn``, else none.
+        """The values s of the bending at which this depth effect equals ``base``: 0 if ``by_turn``, else none.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model.
+        The depth effect is the shape of the solid model minus the shape of the planar model. ``base`` belongs to a
+        similar candidate law. A beam whose tip is not rotated is assumed to have the same depth effect with both laws.
         """
         return (0.0,) if self.base and self.by_turn else ()
 

@@ -53,10 +53,7 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest undamped frequencies, with the modulus of the equilibrium, (B, count) in Hz.
-
-        There are B candidate laws.
-        """
+        """Return the lowest undamped frequencies of B candidate laws, with the static modulus, (B, count) in Hz."""
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 

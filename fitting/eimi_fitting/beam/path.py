@@ -242,11 +242,11 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Return the shapes in many states, solved together. Each solution begins at the row of ``near`` for its state.
+    """Return the shapes in many states, all solved together, or None if this does not succeed.
 
-    near: the configurations of a similar beam, one row for each state. Returns None if Newton's method does not
-    converge in a few iterations for one candidate law in one state, or if the strains of a solution are much larger
-    than the strains of ``near``.
+    near: the configurations of a similar beam, one row for each state, from which the solutions begin. The result is
+    None if Newton's method does not converge in a few iterations for one candidate law in one state, or if the strains
+    of a solution are much larger than the strains of ``near``.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)

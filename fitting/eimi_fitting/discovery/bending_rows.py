@@ -56,7 +56,7 @@ def scale_deviation(lot: float) -> float:
     -------
     float
         sqrt(lot^2 + model^2). ``model`` is the relative standard deviation of the modulus due to errors of the beam
-        model. Its 95 % bound is 0.15 %.
+        model, 0.15 % / 1.96.
     """
     return float(np.hypot(lot, _MODEL))
 
@@ -247,9 +247,10 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return the root mean square residual of a fit of all terms and nuisances (errors of inputs), in noise units.
+    """Return how well the best fit of all terms and nuisances (errors of inputs) describes the equations of one beam.
 
-    A value above 1 indicates an error of the beam model.
+    The result is the root mean square residual in units of the noise. It is about 1 if only noise remains. A larger
+    value shows that the beam model is wrong. The coefficients may be negative in this fit.
     """
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)

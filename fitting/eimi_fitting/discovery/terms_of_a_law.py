@@ -232,13 +232,13 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms, with a larger noise if the prediction error of the best set exceeds the noise.
+    """Fit all small sets of terms; if even the best set predicts worse than the noise allows, increase the noise.
 
     Returns
     -------
     tuple
         The equations divided by the final noise, the fitted sets, and the factor (at least 1) by which the noise was
-        enlarged.
+        increased.
     """
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error

@@ -150,8 +150,9 @@ def _polished(
 ) -> Optimum[Evaluation]:
     """Return the optimum of a problem with n unknowns, computed by Gauss-Newton from the candidate ``unit`` (n,).
 
-    The weight of tensile curves and priors depends on the number N of independent edge points. N is estimated from the
-    residuals. Gauss-Newton is repeated if N changes by more than a factor of e^0.3.
+    If there is other evidence than edges, its weight depends on N, the number of independent edge points. N follows
+    from the residuals at the optimum, which are not yet known. Gauss-Newton is therefore made with an estimate of N,
+    and repeated with N from its result if N has changed by more than a factor of e^0.3.
     """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)

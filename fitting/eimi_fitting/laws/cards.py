@@ -189,10 +189,10 @@ _WITHOUT_TIME = "this program has no Prony series for a hyperelastic material; t
 
 
 def _keyword_card(solver: str, material: Material, advice: str, moduli: str = "", more: Sequence[str] = ()) -> str:
-    """Return a card with *MATERIAL and *HYPERELASTIC for Abaqus or CalculiX.
+    """Return a card for Abaqus or CalculiX, which have the same keywords *MATERIAL and *HYPERELASTIC.
 
-    Eight constants stand in a line. ``advice`` is a comment, ``moduli`` is an option of *HYPERELASTIC, and ``more``
-    contains lines for the end of the card.
+    A line has at most eight constants. ``advice`` is a comment in the card, ``moduli`` an option of *HYPERELASTIC, and
+    ``more`` are lines for the end of the card.
     """
     constants = material.constants_for(solver)
     volume = constants.volume or "(J - 1)^2/D1, D1 = 2/K"

@@ -250,8 +250,8 @@ class Law(Protocol):
         Returns
         -------
         Array
-            (P,) largest stretches up to which the candidates are stable. The result is 0 if a candidate is unstable
-            even at rest, and any number above ``largest_stretch`` if it is stable up to ``largest_stretch``.
+            (P,) largest stretches up to which the candidates are stable; 0 for a candidate that is unstable even at
+            rest. For a candidate that is stable up to ``largest_stretch``, any number above ``largest_stretch``.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:

@@ -68,9 +68,9 @@ class MooneyRivlin(InvariantLaw):
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
 
-        If C01 < 0, the stress reaches its maximum at this stretch. If C10 < 0, the two equal stretches become unequal
-        at this stretch, where C10 q + C01/q = 0 with the square q of the stretch. The result is infinity if neither C10
-        nor C01 is negative, and 0 if C10 + C01 is not positive.
+        If C01 is negative, the stress has its maximum at this stretch. If C10 is negative, the two equal stretches
+        become unequal from this stretch on; there, C10 q + C01/q = 0 with the square q of the stretch. The result is
+        infinity if neither is negative, and 0 if C10 + C01 is not positive.
         """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)

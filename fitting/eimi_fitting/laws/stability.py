@@ -86,11 +86,11 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     """Return the stretch up to which each candidate law is stable, by a scan of sampled deformations.
 
-    A law without a criterion in closed form uses this function as `Law.drucker_limit`. The scan has 48 levels of
-    stretch up to `largest_stretch`, with equal steps of the logarithm. At each level, it examines 61 deformations whose
-    largest principal stretch is the stretch of the level, from uniaxial through planar to equibiaxial tension. Let the
-    first unstable level be the first level with an unstable deformation. Bisection finds the limit between this level
-    and the level before it. Deformations between the sampled deformations are not examined.
+    A law without a criterion in closed form uses this function as `Law.drucker_limit`. The scan increases the stretch
+    in 48 equal steps of its logarithm, up to `largest_stretch`. At each stretch it examines 61 deformations, from
+    uniaxial through planar to equibiaxial tension, for which this stretch is the largest principal stretch. It stops at
+    the first stretch with an unstable deformation. Bisection then finds the limit between this stretch and the one
+    before it. Deformations between the sampled deformations are not examined.
 
     Parameters
     ----------

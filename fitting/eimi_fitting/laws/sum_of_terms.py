@@ -225,8 +225,8 @@ class SumOfTerms:
     def from_coordinates(self, x: Array) -> Array:
         """Return the coefficients of the m terms for P candidate laws, (P, m), from coordinates of the search, (P, m).
 
-        The first term that contributes to the initial shear modulus mu0 contributes mu0 minus the contributions of the
-        other terms.
+        `coordinates` defines the coordinates: the initial shear modulus mu0, and the quotients coefficient / mu0 of all
+        terms except one. The coefficient of this one term is chosen so that the initial shear modulus is mu0.
         """
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus

@@ -250,16 +250,18 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
 def _with_intervals(
     law: Law, x: Array, curve: Callable[[Array], Array], residual: Array, lower: Array, upper: Array
 ) -> StressFit:
-    """Return the tensile fit at m coordinates x (m,), with 95 % intervals from the covariance of the coordinates.
+    """Return the result of a tensile fit with 95 % intervals, which follow from the covariance of the m coordinates.
 
     Parameters
     ----------
+    x : ndarray, shape (m,)
+        The best coordinates: the initial shear modulus, then the dimensionless ratios (`Law.coordinates`).
     curve : callable
         Function that returns the weighted stress at given coordinates.
     residual : ndarray
         The weighted residuals of the stress at x.
     lower, upper : ndarray, shape (m - 1,)
-        Bounds of the coordinates except the first, the initial shear modulus.
+        Bounds of the ratios.
     """
 
     def parameters_at(coordinates: Array) -> Array:

@@ -160,10 +160,11 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the channels (n, c) with linear combinations of a few signals in place of gaps and outliers.
+    """Return the channels with values in place of gaps and outliers, (n, c), and which entries were replaced, (n, c).
 
-    There are n frames and c channels (coordinates of points). The second result, (n, c), is True for the entries that
-    were replaced.
+    There are n frames and c channels (coordinates of points). All channels are nearly combinations of a few signals,
+    which the visible points determine. The values in the gaps of a channel follow from these signals. An outlier is an
+    entry that is far from them.
     """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
@@ -199,9 +200,10 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Return r independent signals (n, r) of c channels in n frames, and the patterns (r, c) of `Signals`.
+    """Return the few signals r, (n, r), whose combinations give all c channels in n frames, and the patterns (r, c).
 
-    A channel is one coordinate of one point.
+    A channel is one coordinate of one point. The product of signals and patterns is the channels, without most of the
+    noise; see `Signals`.
     """
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)

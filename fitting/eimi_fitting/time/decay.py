@@ -328,11 +328,10 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the fitted part of a ring-down (a free vibration), and warnings about this part.
+    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the frames left out.
 
-    In this part the beam decays freely, and its amplitude is below 5 % of the length.
-
-    frequency: in Hz; length_mm: length of the beam; is_stepped: see `decay_of`.
+    In this part the beam vibrates freely: it is not pushed again, and its amplitude is below 5 % of its length.
+    frequency: frequency of the vibration in Hz; length_mm: length of the beam; is_stepped: see `decay_of`.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
@@ -369,11 +368,11 @@ def _segment(
 
 
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
-    """Return whether the amplitude rises from a third of its next maximum to this maximum within 1.5 periods.
+    """Return whether the amplitude rises so fast that something has pushed the beam.
 
-    Such a rise is the sign of a push. If two vibrations beat, the amplitude rises more slowly.
-
-    size: the amplitude in n frames, (n,); at: number of a frame in which the amplitude rises; period: in frames.
+    It must rise from a third of its next maximum to this maximum within 1.5 periods. The beating of two vibrations
+    makes the amplitude rise more slowly. size: the amplitude in n frames, (n,); at: number of a frame in which the
+    amplitude rises; period: length of a period in frames.
     """
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
     low = np.flatnonzero(size[:peak] < size[peak] / 3)

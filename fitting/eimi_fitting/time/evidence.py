@@ -226,10 +226,10 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return ring-downs (free vibrations), with larger uncertainties if necessary.
+    """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
 
-    If repeated ring-downs differ by more than their uncertainties, the uncertainties are multiplied by the Birge ratio,
-    the root of (chi-square / degrees of freedom).
+    Ring-downs under the same loads should have the same frequency and loss factor. If they differ by more than their
+    uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).
     """
     widened = []
     for ring in rings:

@@ -55,10 +55,10 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainties of the magnetic loads, by the keys of `LOAD_SOURCES`.
+    """Return the relative standard uncertainties of the magnetic loads that files state, or None if they are not known.
 
-    stated: the sources of uncertainty that a file specifies. The result is None without a magnet, or if no source
-    specifies the uncertainty of the magnetic moment.
+    The keys of the result are keys of `LOAD_SOURCES`, such as "remanence". stated: the sources of uncertainty that
+    files state. The result is None without a magnet, or if no file states the uncertainty of the magnetic moment.
     """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
@@ -204,10 +204,11 @@ class TimeOptimum:
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum of the fit if the magnetic moment is unknown.
+        """Return the optimum of the same fit without knowledge of the magnetic moment.
 
-        The logarithm of the factor on the magnetic loads then has the prior standard deviation `FREE_LOAD`, which is
-        used if no file states the uncertainty of the moment. The least-squares fit starts at the present optimum.
+        The factor on the magnetic loads then has a wide prior, with the standard deviation `FREE_LOAD` of its
+        logarithm. The same prior is used if no file states the uncertainty of the moment. The least-squares fit starts
+        at the present optimum.
         """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)

@@ -42,8 +42,8 @@ class LoadCurve:
     rotation : ndarray, shape (m,)
         Rotations theta in rad, increasing.
     moment : ndarray, shape (m,)
-        Moments mu theta in Pa rad. With the modulus mu the tip rotates by theta in equilibrium; see the module
-        `time.loaded_creep`.
+        The moment of the loads at each rotation, in Pa rad. It equals mu theta, where mu is the modulus with which the
+        tip rotates by theta in equilibrium; see the module `time.loaded_creep`.
     """
 
     rotation: Array

@@ -152,7 +152,10 @@ class ModalFit:
 
     @property
     def cancels(self) -> bool:
-        """Whether vibrations of almost equal frequency cancel each other: they are much larger than their sum."""
+        """Whether the fit contains vibrations of almost equal frequency that nearly cancel each other.
+
+        Each is then much larger than their sum, and the fit is not meaningful.
+        """
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         parts = [self.vibration_mm(int(k)) for k in np.flatnonzero(close)]
         sizes = [float(np.abs(part).max()) for part in parts]
@@ -160,14 +163,18 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether frequency and loss factor change so little with the amplitude that a free vibration can explain it.
+        """Whether the fitted changes of frequency and loss factor with the amplitude are small, at most ``_MOST_BEND``.
 
-        The largest such changes are ``_MOST_BEND``.
+        Larger changes cannot be those of a free vibration.
         """
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with the largest vibration near the frequency of the first mode as the new first mode."""
+        """Return the fit with its largest vibration as the first mode.
+
+        Only modes with almost the frequency of the present first mode are compared. The modes are fitted again in the
+        new order.
+        """
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))

@@ -321,9 +321,10 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor on the specified magnetic moment at which static states and motions give the same modulus.
+    """Return the factor on the stated magnetic moment at which static states and motions give the same modulus.
 
-    free: the optimum with an unknown moment, see `TimeOptimum.with_free_load`. effects: see `Problem.effects`.
+    A value far from 1 shows that the stated moment is wrong. free: the optimum with an unknown moment, see
+    `TimeOptimum.with_free_load`. effects: see `Problem.effects`.
     """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
@@ -348,7 +349,10 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return ``count`` draws of the factor by which the small effects change the modulus, shape (count,)."""
+    """Return ``count`` random factors on the modulus that stand for the uncertainty due to the small effects.
+
+    The factors are normal with the mean 1. Their variance is the sum of the variances of all effects in ``small``.
+    """
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 

@@ -246,9 +246,9 @@ class RingTable:
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The factor by which the modulus of the planar model must be larger, so that it bends like the solid model.
+        """The modulus with which the planar model bends as the solid model does, divided by the solid's modulus.
 
-        The modulus of the solid model is ``middle_Pa``. The static rotation of the tip is compared.
+        The modulus of the solid model is ``middle_Pa``. The static rotations of the tip are compared.
         """
         return self._better[1]
 

@@ -42,10 +42,11 @@ class LoadHistory:
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the history of the loads of K states.
+        """Return the history of the loads in K states, with a curve for each load.
 
-        For each load, the rotation of the tip is computed for seven shear moduli. The product of modulus and rotation
-        is the moment of the load, and the seven moments give the curve of the load (`loaded_creep.LoadCurve`).
+        A curve gives the moment of the load as a function of the rotation of the tip (`loaded_creep.LoadCurve`). For
+        each of seven shear moduli, the rotation under the load is computed. The moment at this rotation is the product
+        of modulus and rotation.
 
         Parameters
         ----------
@@ -87,7 +88,8 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 class CreepEvidence:
     """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
 
-    Only changes of the rotation are measured. Therefore the weighted mean is subtracted from the residuals.
+    Only changes of the rotation are measured, up to a constant. The weighted mean of the residuals is therefore
+    subtracted from them.
 
     Attributes
     ----------

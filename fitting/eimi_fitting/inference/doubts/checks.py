@@ -110,8 +110,8 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the errors of the K states in mm after the edges are corrected for a displaced clamp. A fit
-        with a displaced clamp is not refused.
+        For each experiment, the errors of the K states in mm if the clamp in the picture is displaced from its stated
+        position. If these are smaller, they are checked instead, so that a fit with a displaced clamp is not refused.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool

@@ -42,7 +42,9 @@ class Posterior:
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
     """Return the evidence of H hypotheses and the posterior means of their coefficients.
 
-    A hypothesis is a linear Gaussian model. Its evidence is the probability density of the data under the model.
+    A hypothesis is a linear Gaussian model: the N data are a sum of some rows of ``columns``, each times an unknown
+    standard normal number, plus noise and an unexplained error. Its evidence is the probability density of the data
+    under the model.
 
     Parameters
     ----------

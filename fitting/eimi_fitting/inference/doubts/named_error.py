@@ -50,7 +50,9 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return the estimate with the intervals that remain if the most probable causes are not noise.
+    """Return the estimate of a fit with new intervals, in which residuals of the probable causes are not noise.
+
+    The most probable causes of the residuals are errors of the bench, see the module.
 
     Parameters
     ----------
@@ -64,8 +66,8 @@ def estimate_beside(
     Returns
     -------
     Estimate or None
-        The estimate; None if no cause beside those in the fit is probable, if the causes explain less than half of the
-        mean error, or if the most probable cause is the law or the section.
+        The estimate. None if ``before`` stays valid: no cause is probable that the fit has not taken into account, the
+        causes explain less than half of the mean error, or the most probable cause is the law or the section.
     """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
@@ -112,7 +114,10 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval of the modulus contains the modulus after each of several changes in %."""
+    """Return whether the 95 % interval of the modulus is wide enough for each of several changes of the modulus in %.
+
+    It is wide enough if the modulus after the change still lies in the interval.
+    """
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 

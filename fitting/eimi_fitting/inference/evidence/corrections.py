@@ -58,7 +58,8 @@ class Refinement:
     better : callable
         Takes an experiment and returns the experiment with the better model.
     remaining_share : float
-        Share of the change of the optimum that remains uncertain.
+        The optimum changes when the better model replaces the simple one. This is the share of the change that remains
+        uncertain.
     doubt : str
         Text of the warning about a fit for which the better model finds no equilibrium.
     """

@@ -272,11 +272,11 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return residuals in mm with error and deviation in mm of each of P candidate laws in each of K states.
+        """Return a `Misfit` with the given residuals: error and deviation of each of P candidates in each of K states.
 
-        The error is the root mean square distance of the measured points from the edge, and the deviation is the
-        standard deviation of these distances without sign. Points with an infinite uncertainty do not count.
-        ``residuals`` has the shape (P, K, 2, n): left and right edge with n points each.
+        The residuals are the signed distances in mm of the measured points from the simulated edges, shape (P, K, 2,
+        n): left and right edge with n points each. The error is their root mean square, and the deviation the standard
+        deviation of their absolute values. Points with an infinite uncertainty do not count.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
@@ -356,11 +356,11 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return residuals in mm with error and deviation in mm of each of P candidate laws in each of K states.
+        """Return a `Misfit` with the given residuals: error and deviation of each of P candidates in each of K states.
 
-        The error is the root mean square distance of the measured points from their simulated positions, the deviation
-        the standard deviation of these distances. Points with an infinite uncertainty do not count. ``residuals`` has
-        the shape (P, K, 2, n): x and y for n points.
+        The residuals are measured minus simulated positions in mm, shape (P, K, 2, n): x and y for n points. The error
+        is the root mean square distance of a point from its simulated position, and the deviation the standard
+        deviation of these distances. Points with an infinite uncertainty do not count.
         """
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))

@@ -106,9 +106,10 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether priors or tensile curves raise the objective of a candidate to its limit, for P candidates, (P,).
+        """Whether the objective of each of P candidates has the largest value that a valid candidate can have, (P,).
 
-        The limit is 0.99 `DISCARDED_MM`, the largest objective of a valid candidate.
+        Tensile curves or priors then contradict the candidate so strongly that its objective would be larger. The
+        largest value is 0.99 `DISCARDED_MM`.
         """
         return self.objective_mm == _MOST_MM
 

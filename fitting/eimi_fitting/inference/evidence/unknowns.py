@@ -371,13 +371,11 @@ class Unknowns:
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return what the fitted uncertain inputs change in each dataset: the field and the picture, for P candidates.
+        """Return how the uncertain inputs that the fit determines change field and picture in each dataset.
 
-        A `Setup` contains a factor on the field and the map from the beam to the picture.
-
-        The result is None if the fit determines no uncertain input (no nuisance is freed).
-
-        ``unit`` has the n unit coordinates (0 to 1) of each of P candidates, shape (P, n).
+        The result has one `Setup` for each dataset, with values for P candidates: a factor on the field, and the map
+        from the beam to the picture. The result is None if the fit determines no uncertain input. ``unit`` has the n
+        unit coordinates (0 to 1) of each candidate, shape (P, n).
         """
         if not self.freed:
             return None

@@ -77,10 +77,10 @@ class ConsideredSources:
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the inputs with a stated uncertainty (sources) that keep their stated values in a fit.
+    """Return the uncertain inputs that keep their stated values in a fit, although files state an uncertainty.
 
-    An input that the fit determines together with the law (a freed input) is left out, and so is an input with the same
-    effect as a freed input.
+    Such inputs widen the intervals. An input that the fit determines together with the law (a freed input) is left out,
+    and so is an input with the same effect as a freed input.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
@@ -113,9 +113,10 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an uncertain input changes the model of the specimen, and a magnetic field acts in a state.
+    """Return whether the uncertain input ``source`` can matter in an experiment.
 
-    An input of the magnet, such as its width, changes only a specimen with a magnet.
+    It matters if a deviation of the input changes the model of the specimen, and if a magnetic field acts in a state.
+    For example, the direction of magnetisation does not matter for a specimen without a magnet.
     """
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})

@@ -190,10 +190,11 @@ class Linearisation:
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the scores of P candidates (sets of values of the unknowns), (P, n), without the priors on the law.
+        """Return the gradients of minus the log-likelihood (scores) at P candidates near the optimum, (P, n).
 
-        The score is the gradient of minus the log-likelihood in n unknowns. The slopes of the residuals belong to the
-        optimum. The weights are computed from the errors of the candidates.
+        A candidate is one set of values of the n unknowns. The residuals of the candidates are used, but the slopes of
+        the residuals are those at the optimum. The weights of the states are computed from the errors of the
+        candidates. The priors on the law's parameters are left out.
         """
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):

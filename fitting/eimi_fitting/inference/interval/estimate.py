@@ -346,9 +346,10 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return fields of `Estimate` by name: the parameters, the moduli, the freed nuisances and the draws.
+    """Return some fields of `Estimate` by their names, computed from random draws of all unknowns.
 
-    A freed nuisance is an uncertain input that the fit determines together with the law.
+    The fields are the parameters, the moduli, the freed nuisances (uncertain inputs that the fit determines together
+    with the law) and the draws themselves. The intervals are quantiles of the draws.
     """
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]

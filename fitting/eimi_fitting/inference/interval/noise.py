@@ -44,7 +44,10 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The evidence of a fit (edges, tensile curves, priors), linearised where n unknowns and S inputs explain it best.
+    """The linearised evidence of a fit, at the values of unknowns and uncertain inputs that explain it best.
+
+    The evidence is the edges, tensile curves and priors. A fit determines the n unknowns only. Here the S uncertain
+    inputs are determined too, so that the remaining residuals are noise.
 
     Parameters
     ----------
@@ -172,9 +175,9 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the standard deviation of the error that remains after the corrections by better beam models.
+    """Return the error of the edges in each state that remains after the corrections by better beam models.
 
-    The result has one array (K,) in mm for each experiment with K states.
+    The result is a standard deviation in mm: one array (K,) for each experiment with K states.
     """
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
@@ -290,9 +293,11 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Return the slopes of the residuals in unit coordinates (0 to 1) of n unknowns and S uncertain inputs, in mm.
+    """Append the derivatives by the S uncertain inputs to the derivatives of the residuals by the n unknowns.
 
-    The shape is (n + S, K, G, m) for G groups (edges, or x and y) of m points in K states.
+    ``slopes`` has the derivatives by the unit coordinates (0 to 1) of the unknowns, in mm. ``changes`` has the change
+    of the residuals for one standard uncertainty of each input, which is converted to a derivative by its unit
+    coordinate. The result has the shape (n + S, K, G, m) for G groups (edges, or x and y) of m points in K states.
     """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
@@ -370,9 +375,10 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return sqrt(e^2 + m^2) in mm, (K,) for each experiment, for the errors e and model errors m of K states.
+    """Return the errors of the states in mm with the error of the beam model added, (K,) for each experiment.
 
-    e is the root mean square residual, and m the standard deviation of the error of the beam model.
+    The result is sqrt(e^2 + m^2), with the root mean square residual e of a state and the standard deviation m of the
+    error of the beam model (``model_mm``).
     """
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 

@@ -340,10 +340,11 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the error of the edges due to the mesh as a dictionary with one entry; empty without an equilibrium.
+    """Return the error of the edges due to the mesh of the later fit, as one more source of uncertainty.
 
-    The key is the name of the refinement `FINER_MESH`. The value is the standard deviation of the error in mm, shape
-    (K, 2, m), for m points on each of 2 edges in K states.
+    The result is a dictionary with one entry, or an empty dictionary if the finer mesh has no equilibrium. The key is
+    the name of the refinement `FINER_MESH`. The value is the standard deviation of the error in mm, shape (K, 2, m),
+    for m points on each of 2 edges in K states. along: the number of elements along the beam in the later fit.
     """
     mesh_correction = correction(
         FINER_MESH,
@@ -369,10 +370,11 @@ def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the relative derivative of the goal quantity in n unknowns, (n,); raise KeyError for an unknown name.
+    """Return the relative change of the goal quantity for a change of each of the n unknowns, shape (n,).
 
-    The goal quantity is the initial shear modulus or the parameter of the law whose interval is to be narrow. Its
-    derivative is divided by its value.
+    The goal quantity is the quantity whose interval is to be narrow: the initial shear modulus, or the parameter of the
+    law with the name ``goal``. The result is its derivatives in the unknowns, divided by its value. KeyError is raised
+    for an unknown name.
     """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:

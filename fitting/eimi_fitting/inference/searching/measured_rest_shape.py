@@ -204,9 +204,10 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals in mm of the edge points that the fit uses, as one array for each element of ``setups``.
+    """Return the residuals in mm of the edge points that the fit uses, for several positions of the picture.
 
-    A setup is a map from the beam to the picture: a rotation and a shift. The result is None without an equilibrium.
+    A setup is a rotation and a shift of the picture. The beam is simulated once, and each of ``setups`` gives one
+    array. The result is None without an equilibrium.
     """
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
@@ -219,11 +220,11 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Return the amplitudes of shape modes in mm, and the standard uncertainties of the amplitudes in mm.
+    """Fit the amplitudes of shape modes to the edges of the states without load, and return them with their errors.
 
-    The modes with the indices ``used`` are fitted; the other amplitudes keep the values of ``start``.
-
-    The result is None if the model finds no equilibrium, or if the edges remain more than 0.2 mm from the best shape.
+    The modes with the indices ``used`` are fitted, starting from ``start``; the other amplitudes keep the values of
+    ``start``. Both results are in mm; the second has the standard uncertainties. The result is None if the model finds
+    no equilibrium, or if the edges remain more than 0.2 mm from the best shape.
     """
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])

@@ -112,7 +112,11 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with 18 more moduli near the modulus with the smallest objective."""
+    """Return the scan with more moduli near the best modulus, the modulus with the smallest objective.
+
+    The best modulus is thus known more accurately. 18 moduli are added in two rounds, the second round closer to the
+    best one.
+    """
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -151,10 +155,11 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Simulate a stiff beam, and return the number c = mu u / L in Pa, from which the range of moduli is computed.
+    """Return the number c = mu u / L in Pa, from which the range of moduli is computed; see the module.
 
-    mu is the shear modulus, L the length and u the largest displacement. mu is raised until u is at most 0.001 L,
-    because c is the same for all stiff beams under the same loads.
+    mu is the shear modulus, L the length and u the largest displacement of a simulated beam. The beam must be so stiff
+    that its displacement is proportional to the loads. mu is therefore raised until u is at most 0.001 L. c is then the
+    same for all stiffer beams.
     """
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
