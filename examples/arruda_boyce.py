@@ -55,10 +55,10 @@ class ArrudaBoyce(InvariantLaw):
     )
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameters for K points of a search, shape (K, 2): mu (Pa) and lambda_m.
+        """Return the parameters mu (Pa) and lambda_m at K points of a search, shape (K, 2).
 
-        `x` contains the initial shear modulus (Pa) and 1/lambda_m^2, shape (K, 2). mu is smaller than the initial shear
-        modulus, see `initial_shear_modulus`.
+        The search does not vary the parameters themselves. Its coordinates `x`, shape (K, 2), are the initial shear
+        modulus (Pa) and 1/lambda_m^2. mu is smaller than the initial shear modulus, see `initial_shear_modulus`.
         """
         locking = x[:, 1] ** -0.5
         return np.column_stack([x[:, 0] / _stiffening(locking), locking])
@@ -119,12 +119,15 @@ class ArrudaBoyce(InvariantLaw):
 
 
 def _stiffening(locking: Array) -> Array:
-    """Return the initial shear modulus divided by mu for the values lambda_m: (2 / mu) dW/dI1 at I1 = 3."""
+    """Return the initial shear modulus divided by mu, (2 / mu) dW/dI1 at I1 = 3, for each value of lambda_m.
+
+    `locking` contains the values of lambda_m.
+    """
     return np.asarray(sum(2 * i * c * 3.0 ** (i - 1) * locking ** (2 - 2 * i) for i, c in enumerate(_C, 1)))
 
 
 def _difference(x: Array, i: int) -> Array:
-    """Return (x + 3)^i - 3^i, computed without a loss of accuracy for small x."""
+    """Return (x + 3)^i - 3^i as a polynomial in x, which is accurate also for small x."""
     return np.asarray(x * sum((x + 3) ** k * 3.0 ** (i - 1 - k) for k in range(i)))
 
 

@@ -38,7 +38,10 @@ Array = NDArray[np.float64]
 
 
 def _beside(measured: list[Array], simulated: Array) -> float:
-    """Return the mean y (mm) of the two points of the simulated edges nearest to the last measured points.
+    """Return the simulated deflection (mm) at the place of the last measured points, for a comparison with them.
+
+    On each simulated edge, the point nearest to the last measured point is taken. The result is the mean y of both
+    points.
 
     Parameters
     ----------

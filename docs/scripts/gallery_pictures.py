@@ -43,9 +43,9 @@ NEO_HOOKEAN = LAWS["neo-hookean"]
 
 
 def edges_mm(field_mT: np.ndarray, modulus_Pa: float = 46e3) -> np.ndarray:
-    """Return the edges of a Neo-Hookean beam in K fields, mm, shape (K, 2, m, 2).
+    """Return both edges of a Neo-Hookean beam in K fields, mm, shape (K, 2, m, 2).
 
-    The second index is 0 for the left and 1 for the right edge. Each edge has m points.
+    The second axis is the left and the right edge, and the third axis the m points of an edge, each with x and y.
     """
     model = BeamModel(BEAM)
     return points_on(

@@ -138,9 +138,10 @@ def metric(axes: Axes) -> None:
 
 
 def statistics(axes: Axes) -> None:
-    """Draw two probability densities of the modulus.
+    """Draw two probability densities of the modulus, with their intervals and the true modulus.
 
-    The narrow density contains noise and mesh only. The wide density contains all stated sources of uncertainty.
+    The narrow density comes from noise and mesh only, and its interval does not contain the true modulus. The wide
+    density comes from all stated sources of uncertainty, and its interval contains it.
     """
     x = np.linspace(-4, 4, 400)
     for width, offset, height, colour, words in (
@@ -178,7 +179,10 @@ def edges(axes: Axes) -> None:
 
 
 def planning(axes: Axes) -> None:
-    """Draw three choices of six fields, each with the resulting interval. The page has the same values in a table."""
+    """Draw three choices of six fields as points on a line, each with the interval of the modulus that it gives.
+
+    The page has the same values in a table.
+    """
     rows = (
         ("hanging, equal steps: ± 1.27 %", np.linspace(0, 7.05, 6), GREY),
         ("hanging, planned: ± 0.78 %", np.array([2.58, 2.82, 3.06, 3.29, 3.52, 3.76]), BLUE),
@@ -206,7 +210,10 @@ def verification(axes: Axes) -> None:
 
 
 def speed(axes: Axes) -> None:
-    """Draw the tangent stiffness matrices of several candidates (sets of parameters) as blocks of one band matrix."""
+    """Draw how a batch of candidates (sets of parameters) is solved at once.
+
+    The tangent stiffness matrices of the candidates are blocks on the diagonal of one band matrix.
+    """
     for block in range(4):
         start = 3.2 * block
         corners = BLOCK + np.array([start, -start])
@@ -285,9 +292,9 @@ def decisions(axes: Axes) -> None:
 
 
 def time(axes: Axes) -> None:
-    """Draw the position of the tip against the logarithm of the time.
+    """Draw the position of the tip of a beam that is released, against the logarithm of the time.
 
-    The beam is bent, then released. It rings and then creeps back.
+    A field holds the beam bent until the release. Then the tip swings, and afterwards it creeps back to rest.
     """
     before, after = np.linspace(-2.6, -2.0, 2), np.linspace(-2.0, 1.8, 4000)
     since = 10**after - 10**-2.0
@@ -306,9 +313,9 @@ def time(axes: Axes) -> None:
 
 
 def causes(axes: Axes) -> None:
-    """Draw residuals along the beam, and the residuals that three possible causes would give (their signatures).
+    """Draw residuals along the beam as points, and three lines: the residuals that three possible causes would give.
 
-    One signature fits the residuals.
+    One of the lines has the shape of the residuals.
     """
     random = np.random.default_rng(2)
     place = np.linspace(0, 1, 41)

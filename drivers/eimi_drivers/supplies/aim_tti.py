@@ -114,9 +114,8 @@ class AimTtiSupply(SupplyBase):
     """Driver of one output of an Aim-TTi supply. The channel in the address, such as ``#2``, is the output's number.
 
     Before the first set-point the driver clears the error registers of the supply and requests exclusive control
-    (``IFLOCK``). While the driver has control, no other interface can change the supply. The driver releases control
-    after it has switched the output off. The driver sends the messages that switch off even if another interface has
-    control.
+    (``IFLOCK``): no other interface can then change the supply. The driver releases the control after it has switched
+    the output off. To switch off, it does not need the control.
 
     The driver never changes the range of an output. If a set-point is outside the present range, the error message
     contains the range. The current set-points have steps of 1 mA for the QL and MX series and of 10 mA for the other
@@ -237,7 +236,8 @@ class AimTtiSupply(SupplyBase):
     def _disarm_watchdog(self) -> None:
         """Release exclusive control of the supply, if this interface has control.
 
-        `SupplyBase` calls this method after the output was switched off. These supplies have no watchdog.
+        These supplies have no watchdog. `SupplyBase` calls this method after the output was switched off, which is the
+        time to release the control.
         """
         self._in_control = False
         if self._ask("IFLOCK?").strip() == b"1":

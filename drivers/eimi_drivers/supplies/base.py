@@ -148,10 +148,10 @@ class SupplyBase(Conversation, ABC):
         """Read the error queue of the supply, and raise InstrumentError if the queue contains errors."""
 
     def _enabled(self) -> bool:
-        """Return whether the output itself is switched on.
+        """Return whether the output itself is switched on, even if `output_on` is False because the current is zero.
 
-        For most supplies the result is equal to `output_on`. For a supply that is switched off by a current of zero,
-        `output_on` can be False while the output itself is on.
+        Some supplies are switched off by a current of zero, while the output itself stays on. For all other supplies,
+        the result is equal to `output_on`.
         """
         return self.output_on()
 
@@ -278,10 +278,11 @@ class SupplyBase(Conversation, ABC):
         return replace(off, found_off=found_off)
 
     def _reopen_and_compare(self) -> bool:
-        """Reopen the connection, check that the same supply answers, and return whether its output is off already.
+        """Reopen the connection to the supply, and return whether its output is off already.
 
-        If the connection cannot be reopened, or if no supply was identified before, nothing is checked and the result
-        is False. Raises SwitchOffFailed if another supply may answer on the reopened line.
+        After the reopening, another supply may answer at the same address. Raises SwitchOffFailed if this may be so. If
+        the connection cannot be reopened, or if no supply was identified before, nothing is checked and the result is
+        False.
         """
         try:
             if not self._link.reopen() or self._bound is None:
@@ -292,9 +293,10 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Check after a reopening that the same supply answers, and return whether its output is off already.
+        """Return whether the output of the supply on the reopened connection is off already.
 
-        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply.
+        A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Therefore the identity
+        is compared. A supply without a serial number is accepted only if its output is on, as the run left it.
 
         Returns
         -------

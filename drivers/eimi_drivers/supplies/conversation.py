@@ -44,9 +44,9 @@ class Conversation:
     def _question(self, message: bytes, size: int, end: bytes = b"", pause_s: float = 0.0) -> bytes:
         """Send a query, wait `pause_s` (s), and return the answer.
 
-        The answer has at most `size` bytes, and ends earlier at the byte `end`. If the previous query had no answer,
-        the method waits before it sends the new query. A late answer to the previous query is then not taken for the
-        answer to the new query.
+        The answer ends after `size` bytes or, if this comes first, with the byte `end`. If the previous query had no
+        answer in time, its answer may still arrive. The method then waits before it sends the new query, so that the
+        late answer is not taken for the answer to the new query.
         """
         if self._unanswered and (remaining_s := self._late_until_s - self._clock.now()) > 0:
             self._clock.sleep(remaining_s)

@@ -21,10 +21,10 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """Wrapper of the function that `open_supply` calls between two messages.
+    """The function that `open_supply` calls between two messages, in a wrapper that remembers its error.
 
-    The function may raise an error in order to interrupt a call of the supply. The wrapper stores this error. The
-    caller can then distinguish this error from an error of the driver.
+    The function may raise an error in order to interrupt a call of the supply. The error then passes through the driver
+    of another package. With `raised`, the caller can distinguish it from an error of the driver.
 
     Parameters
     ----------

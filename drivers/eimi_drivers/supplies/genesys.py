@@ -1,8 +1,9 @@
 """Drive TDK-Lambda Genesys supplies over a serial line.
 
-Every message ends with a carriage return. The supply answers every command with ``OK``. Tripped protections are
-read from the fault register in the answer to ``STT?``. Before the first use, compare the form of this answer and the
-bits of the register with the manual of your supply: a wrong bit in `FAULTS` would hide a trip.
+Every message ends with a carriage return. The supply answers every command with ``OK``. Tripped protections are read
+from the fault register, a part of the answer to ``STT?``. Before the first use, compare the form of this answer and the
+bits of the register (`FAULTS`) with the manual of your supply. If a bit had another meaning in your supply, the driver
+would not notice a trip.
 """
 
 from __future__ import annotations
@@ -188,10 +189,11 @@ class GenesysSupply(SupplyBase):
             raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Return the level (V) of the over-voltage protection.
+        """Return the level (V) at which the over-voltage protection is set.
 
-        The level is `PROTECTION_MARGIN` times the voltage limit, but at least the voltage limit plus 5.1 % of the rated
-        voltage. The supply refuses a level that is less than 5 % of the rated voltage above the set-point (error E04).
+        The supply refuses a level that is less than 5 % of the rated voltage above the set-point (error E04). The level
+        is therefore `PROTECTION_MARGIN` times the voltage limit, or the voltage limit plus 5.1 % of the rated voltage,
+        whichever is larger.
         """
         identity = self._model()
         rating = _RATING.search(identity)
@@ -225,7 +227,8 @@ class GenesysSupply(SupplyBase):
     def _send_off_unread(self) -> None:
         """Send the messages that switch the output off, without reading any answer.
 
-        If only the answers of the supply are lost, these messages still switch the output off.
+        This is the last attempt if no answer arrives: perhaps the supply still receives the messages, and only its
+        answers are lost.
         """
         for message in (*self._greeting, "OUT OFF"):
             self._link.write(message.encode("ascii") + b"\r")

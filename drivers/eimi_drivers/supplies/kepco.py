@@ -30,12 +30,12 @@ class KepcoBopSupply(ScpiSupply):
     """Driver of a Kepco BOP supply, whose current can be positive or negative.
 
     The driver switches a Kepco BOP off by setting the current to zero; the output itself stays on. `output_on`
-    therefore returns True only if the output is on and the current set-point is not zero. `set_voltage` limits the
-    positive and the negative voltage (VOLT:PROT).
+    therefore returns True only if the output is on and the current set-point is not zero.
 
-    Before the output is switched on, the driver sets the current limits inside the supply (CURR:LIM) to its own limit.
-    The voltage limit is set to follow VOLT:PROT (VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). The driver reads
-    all these settings back.
+    Before the output is switched on, the driver sets two limits inside the supply and reads them back: the limit of the
+    current (CURR:LIM), to the current limit of the driver, and the limit of the voltage, which follows the voltage that
+    `set_voltage` sets (VOLT:PROT with VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). Both limits apply to positive
+    and negative values.
     """
 
     name = "kepco-bop"

@@ -103,7 +103,7 @@ def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, 
 
 
 def failed_stages(stages: Sequence[tuple[str, Callable[[], None]]], name: str) -> SwitchOffFailed | None:
-    """Carry out all stages of switching a supply off, even if a stage fails.
+    """Carry out all stages of switching a supply off, also after a failed stage, and return an error that lists them.
 
     Two stages with the same name are parts of one action. If the first part has failed, the second part is left out.
 

@@ -51,10 +51,10 @@ class OwonSpeSupply(ScpiSupply):
     without_contact = STAYS_ON + armed_in_words(protections)
 
     def _ask(self, question: str) -> bytes:
-        """Send a query and return its answer.
+        """Send a query and return its answer, which is the first answer other than ERR.
 
-        Answers ERR that belong to earlier commands are skipped. Raises InstrumentError if only ERR answers arrive: the
-        supply then refused the query itself.
+        An answer ERR may belong to an earlier command that the supply refused. Raises InstrumentError if only ERR
+        arrives: the supply then refused the query itself.
         """
         reply = super()._ask(question)
         for _ in range(MOST_REFUSALS):

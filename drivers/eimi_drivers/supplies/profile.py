@@ -77,7 +77,7 @@ class Profile:
         Message that selects the channel, which is sent before every message that concerns a channel. Empty if each
         message contains the channel, or if the family has one channel.
     modes : tuple of (str, str, str)
-        Settings without which a set-point would have another meaning or no effect. Each entry has three parts: a query,
+        Settings that give the set-points their meaning, such as constant current. Each entry has three parts: a query,
         the beginning of the right answer (alternatives are separated by ``|``), and the command that corrects the
         setting. The query is sent before every set-point except a current of zero. The command is sent if the answer is
         wrong.

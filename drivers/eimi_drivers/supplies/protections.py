@@ -13,11 +13,10 @@ STAYS_ON = "nothing switches the output off, it stays as it was set"
 
 
 def armed_in_words(protections: str) -> str:
-    """Return a text that lists the armed protections; return an empty text if `protections` is empty.
+    """Return the end of the text `without_contact` of a supply: which protections are switched on inside the supply.
 
-    A protection inside the supply is armed when the driver has switched it on. `protections` describes the armed
-    protections. The result is the end of the text `without_contact` of a supply, which describes what the output does
-    if the cable is pulled or the computer fails.
+    `without_contact` describes what the output does if the cable is pulled or the computer fails. `protections`
+    describes the protections that the driver has switched on. If it is empty, the result is empty.
     """
     return f"; switched on in the supply: {protections}" if protections else ""
 
@@ -25,8 +24,8 @@ def armed_in_words(protections: str) -> str:
 def check_level(address: str, question: str, level: float, limit: float, answer: float) -> None:
     """Raise SetPointNotTaken if the level of a protection in the supply differs too much from the level sent.
 
-    A difference of ``PROTECTION_MARGIN - 1`` times `limit` is allowed, because a supply may round the level. If
-    `level` is `PROTECTION_MARGIN` times `limit`, the level in the supply is then 1 to 1.2 times `limit`.
+    A supply may round the level. A difference of ``PROTECTION_MARGIN - 1`` times `limit` is therefore allowed. For the
+    usual level, `PROTECTION_MARGIN` times `limit`, the level in the supply is then between 1 and 1.2 times `limit`.
 
     Parameters
     ----------

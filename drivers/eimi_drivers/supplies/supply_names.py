@@ -195,9 +195,9 @@ def open_with(
 
 
 def _opened(name: str, address: str, open_it: Callable[[], _Opened]) -> _Opened:
-    """Call `open_it`, and return the connection or the supply that this function opens.
+    """Call `open_it`, which opens a connection or a supply, and return what it opens.
 
-    An exception of `open_it` is raised as an InstrumentError whose message contains `name` and `address`.
+    An error of `open_it` is raised as an InstrumentError whose message contains `name` and `address`.
     """
     try:
         return open_it()

@@ -82,9 +82,9 @@ class RecordingTransport:
 class ReplayedTransport:
     """A connection without an instrument, which answers at once from a transcript, a file with recorded messages.
 
-    TranscriptMismatch is raised if the driver sends another message than the next message of the transcript, or reads
-    when the transcript contains no answer. An error in the transcript is raised again. `assert_complete` checks that
-    the whole transcript was played back.
+    The driver must send the same messages as in the recording, in the same order. Otherwise TranscriptMismatch is
+    raised. An error that was recorded is raised again. `assert_complete` checks that the whole transcript was played
+    back.
     """
 
     def __init__(self, file: Path) -> None:
@@ -102,19 +102,19 @@ class ReplayedTransport:
         self._next = 0
 
     def _take(self, kind: str, doing: str) -> tuple[int, str] | None:
-        """Return line number and text of the next event of the transcript file, and advance to the following event.
+        """Return the next event of the transcript (line number and text) if it is of the expected kind, and go past it.
 
         Parameters
         ----------
         kind : str
-            The kind of event that the driver expects.
+            The expected kind: ">", "<", ">!" or "<!".
         doing : str
             A description of the driver's action, for the message.
 
         Returns
         -------
         tuple of (int, str) or None
-            None if the next event is of another kind; the transcript then does not advance.
+            None if the next event is of another kind; it then stays the next event.
 
         Raises
         ------

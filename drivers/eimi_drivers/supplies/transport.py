@@ -30,8 +30,8 @@ _sharing = False
 def share_ports() -> None:
     """Let this process open ports that another process has locked.
 
-    The guardian calls this function. The guardian is a process that watches a measurement and switches the supply off
-    if the process of the measurement no longer responds. That process may still have the port locked.
+    The guardian process calls this function before it switches a supply off. The run that it replaces no longer
+    responds, but may still have the port locked.
     """
     global _sharing
     _sharing = True
@@ -94,7 +94,7 @@ class Transport(Protocol):
 def no_answer(address: str, timeout_s: float, received: bytes = b"") -> InstrumentTimeout:
     """Return the error for an answer that is not complete within `timeout_s` (s).
 
-    received: the bytes of the answer that arrived in time.
+    `received` contains the bytes of the answer that arrived in time.
     """
     detail = f"only {received!r} came" if received else "nothing came"
     return InstrumentTimeout(f"{address}: no complete answer within {timeout_s:g} s ({detail})")
@@ -200,10 +200,11 @@ class SerialTransport:
         return received
 
     def _polled(self, size: int, timeout_s: float, end: bytes) -> bytes:
-        """Return the next bytes from the port, which are read without blocking in intervals of `POLL_EVERY_S` (s).
+        """Return the next bytes from the port, by asking again and again instead of waiting in one long read.
 
-        The bytes may be fewer than `size` if the time `timeout_s` (s) has passed. This method is for Wine, which
-        reports a blocking read that times out as an error of the line.
+        The port is asked every `POLL_EVERY_S` (s) until `size` bytes or the byte `end` have arrived, or until
+        `timeout_s` (s) has passed. This method is for Wine, which reports an error of the line if a long read has no
+        answer in time.
         """
         self._port.timeout = 0
         until = time.monotonic() + timeout_s

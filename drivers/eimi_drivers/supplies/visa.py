@@ -185,10 +185,9 @@ def _send_at_once(resource: Any) -> None:
 
 
 def _wait_by_the_monotonic_clock() -> None:
-    """Make pyvisa-py measure its timeouts with the monotonic clock.
+    """Make pyvisa-py measure its timeouts with the monotonic clock instead of the wall clock.
 
-    Without this change pyvisa-py uses the wall clock. If a person sets the wall clock back, a timeout becomes longer by
-    the same time.
+    If a person set the wall clock back by an hour, a timeout would otherwise last an hour longer.
     """
     from pyvisa_py import sessions, tcpip
     from pyvisa_py.protocols import rpc

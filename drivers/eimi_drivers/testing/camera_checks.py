@@ -101,7 +101,7 @@ def goes_on_after_a_flush(bench: CameraBench) -> None:
 
 
 def reads_its_settings_back(bench: CameraBench) -> None:
-    """Check that the camera's attribute `settings` contains the requested settings after opening."""
+    """Check that the camera has the requested settings: in its attribute `settings`, and in the size of its frames."""
     bench.settings.verify("the camera", settings_of(bench.camera))
     if bench.settings.region is not None:
         width, height = bench.settings.region[2:]
@@ -242,7 +242,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_on(camera: Camera) -> Frame:
-    """Grab as many frames as the camera can have stored before it was disturbed, then return the next frame."""
+    """Return the first frame after all frames that the camera may have stored before it was disturbed."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

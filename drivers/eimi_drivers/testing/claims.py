@@ -92,7 +92,9 @@ def within(seconds: float, doing: str, act: Callable[[], Value]) -> Value:
 def run_checks(
     subject: str, checks: Iterable[Check[Bench]], open_bench: Callable[[], AbstractContextManager[Bench]]
 ) -> None:
-    """Run every check with a new bench, the object that contains an opened instrument for one check.
+    """Run every check, each with a new bench, and raise one error that lists all failed checks.
+
+    A bench is an object that contains an opened instrument for one check.
 
     Parameters
     ----------

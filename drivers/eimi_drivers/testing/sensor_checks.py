@@ -125,7 +125,10 @@ def understands_no_garbage(bench: SensorBench) -> None:
 
 
 def takes_no_late_answer_for_the_next(bench: SensorBench) -> None:
-    """Check that the driver waits for an answer for 0.3 s, and discards an answer that arrives after its time limit."""
+    """Check that the driver waits 0.3 s for an answer, and discards an answer that comes after its time limit.
+
+    Otherwise the next query would return a value that belongs to the previous query.
+    """
     bench.line.inject(Fault.SLOW)
     bench.reads(1.0)
     bench.line.late_s = bench.sensor.timeout_s + 0.3

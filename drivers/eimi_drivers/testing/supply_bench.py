@@ -67,9 +67,9 @@ class SupplyBench:
         self.clock.sleep(SETTLED_AFTER_S)
 
     def energised(self) -> bool:
-        """Return whether the emulated supply has its output on and a current set-point other than zero.
+        """Return whether the emulated supply gives current: its output is on, and its current set-point is not zero.
 
-        Some drivers switch off by setting the current to zero while the output stays on.
+        The output alone does not tell this, because some drivers switch off by a current of zero.
         """
         return self.coil.state.output and self.coil.state.set_current_A != 0.0
 

@@ -123,9 +123,10 @@ def reports_a_protection_trip(bench: SupplyBench) -> None:
 
 
 def is_off_after_safe_off_from_every_state(bench: SupplyBench) -> None:
-    """Check that `safe_off` sets the current to zero and switches the output off in every state of the supply.
+    """Check that `safe_off` sets the current to zero and switches the output off, whatever the state before the call.
 
-    One of the states is a supply on which `safe_off` was called before.
+    The states are: just opened, off, on with a current, on without a current, off after a trip, and off after an
+    earlier call of `safe_off`.
     """
 
     def set_points() -> None:
