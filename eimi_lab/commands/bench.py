@@ -110,7 +110,8 @@ def emulate(
         typer.Option(
             metavar="SECONDS",
             min=0.0,
-            help="the fault begins this number of seconds after the output is on with a current",
+            help="time until the fault begins, in seconds, counted from the moment at which the output is on and its "
+            "current is not zero",
         ),
     ] = 5.0,
     faults: Annotated[
@@ -338,7 +339,14 @@ def calibrate_coil(
             metavar="AMPERE", help="largest current, in ampere", show_default="the largest current that the rig allows"
         ),
     ] = None,
-    steps: Annotated[int, typer.Option(help="number of currents from zero to the largest current", min=2, max=200)] = 6,
+    steps: Annotated[
+        int,
+        typer.Option(
+            help="number of currents from zero to the largest current, both included, with equal distances",
+            min=2,
+            max=200,
+        ),
+    ] = 6,
     force: Force = False,
 ) -> Result:
     """Measure the field of the coil with a gaussmeter.

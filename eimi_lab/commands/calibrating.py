@@ -48,7 +48,7 @@ def calibrate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="image of the board in the middle plane of the beam",
+            help="image in which the board lies in the middle plane of the beam; this image gives the scale",
             show_default="first of IMAGES",
         ),
     ] = None,
@@ -113,7 +113,12 @@ def calibrate(
             show_default="--axis-angle minus 90",
         ),
     ] = None,
-    telecentric: Annotated[bool, typer.Option("--telecentric", help="the lens is telecentric")] = False,
+    telecentric: Annotated[
+        bool,
+        typer.Option(
+            "--telecentric", help="the lens is telecentric: the scale does not depend on the distance of the beam"
+        ),
+    ] = False,
     force: Force = False,
 ) -> Result:
     """Measure scale, distortion and orientation from images.
@@ -134,7 +139,7 @@ def calibrate(
     if beam is not None and (specimen is None or (board is None and ruler_px is None)):
         raise InputError("--beam: also needs --specimen and, for the scale, --board or --ruler-px")
     if sum(way is not None for way in (board, None if beam else specimen, ruler_px)) != 1:
-        raise InputError("give exactly one of --board, --specimen and --ruler-px")
+        raise InputError("give exactly one of --board, --specimen and --ruler-px, from which the scale is measured")
     pattern = _board(board, columns, rows, square_mm) if board else None
     if not images or (pattern is None and len(images) > 1):
         raise InputError("IMAGES: give the images of the board, or one image of the beam or of the ruler")

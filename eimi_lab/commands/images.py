@@ -74,8 +74,9 @@ def import_(
         int | None,
         typer.Option(
             metavar="N",
-            help="for a video: import every N-th frame; each row of states.csv then gives the beginning of a load in "
-            "time_s or frame; the load acts until the time in until_s or, without this column, until the next row",
+            help="for a video: import every N-th frame. A row of states.csv then gives the time (column time_s) or the "
+            "frame at which a load begins. The load acts until the time in the column until_s or, without this "
+            "column, until the load of the next row begins",
             min=1,
         ),
     ] = None,

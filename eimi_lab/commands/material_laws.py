@@ -39,7 +39,10 @@ def fit(
     bootstrap: Annotated[
         int,
         typer.Option(
-            help="number of bootstrap samples of the states; each fit is repeated on every sample", min=0, max=9999
+            help="number of bootstrap samples: sets of states that are drawn at random with replacement; each fit is "
+            "repeated on every sample",
+            min=0,
+            max=9999,
         ),
     ] = 0,
     workers: Workers = 1,
@@ -113,7 +116,10 @@ def validate(
     include_flagged: IncludeFlagged = False,
     by_state: Annotated[
         bool,
-        typer.Option("--by-state", help="also print the error (root mean square distance of the edges) of every state"),
+        typer.Option(
+            "--by-state",
+            help="also print the error (root mean square distance of measured from simulated edges) of every state",
+        ),
     ] = False,
     force: Force = False,
 ) -> Result:
@@ -261,7 +267,7 @@ def simulate(
         float | None,
         typer.Option(
             "--bulk-modulus-kPa",
-            help="bulk modulus in kPa; only for the models of the cross-section solid and plane-strain",
+            help="bulk modulus in kPa; only if the cross-section is modelled as solid or in plane strain",
             show_default="incompressible",
         ),
     ] = None,

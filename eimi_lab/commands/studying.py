@@ -38,8 +38,8 @@ def discover(
     lot: Annotated[
         float,
         typer.Option(
-            help="relative standard deviation of the difference between the modulus of the beam and the modulus of "
-            "the tensile specimen, which were cast separately",
+            help="how much the moduli of beam and tensile specimen may differ because they were cast separately: "
+            "standard deviation of the difference, as a fraction of the modulus",
             min=0.0,
         ),
     ] = 0.02,

@@ -86,7 +86,7 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
             )
         if uncertainty > largest * value:
             raise ValueError(
-                f"[uncertainty] {key} = {uncertainty:g} should be at most {largest:g} of {place} = {value:g}"
+                f"[uncertainty] {key} = {uncertainty:g} should be at most {largest:g} times {place} = {value:g}"
             )
 
 

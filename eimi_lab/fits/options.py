@@ -31,7 +31,8 @@ Section = Annotated[
     str | None,
     typer.Option(
         metavar="solid|plane-strain|plane-stress",
-        help="model of the cross-section; default: the section in the specimen file",
+        help="model of the cross-section: a solid, or a planar model in which the depth cannot change (plane-strain) "
+        "or the front and back faces are free of stress (plane-stress); default: the model in the specimen file",
     ),
 ]
 IncludeFlagged = Annotated[

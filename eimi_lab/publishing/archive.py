@@ -139,8 +139,8 @@ def check(path: Path) -> int:
         stored = {name.removeprefix(f"{root}/") for name in archive.namelist()} - {NAME}
         if stored != described.keys():
             raise OSError(
-                f"{path}: {sorted(stored ^ described.keys())[0]} is only in the archive or only in its description; "
-                "publish again"
+                f"{path}: {sorted(stored ^ described.keys())[0]} is in the archive but not in its description, or the "
+                "reverse; publish again"
             )
         for place, node in described.items():
             with archive.open(f"{root}/{place}") as content:

@@ -30,10 +30,10 @@ def text_of(name: str, table: str = "") -> str:
     [
         ("widht_mm = 0.02", "[uncertainty] widht_mm is not a known key; did you mean width_mm?"),
         ("width_mm = -0.02", "width_mm = -0.02 should be a standard uncertainty: 0 (exact) or a number above 0"),
-        ("width_mm = 2.0", "beam.toml: [uncertainty] width_mm = 2 should be at most 0.1 of specimen.width_mm = 3"),
+        ("width_mm = 2.0", "beam.toml: [uncertainty] width_mm = 2 should be at most 0.1 times specimen.width_mm = 3"),
         (
             "magnet_depth_mm = 1",
-            "beam.toml: [uncertainty] magnet_depth_mm = 1 should be at most 0.1 of magnet.depth_mm =",
+            "beam.toml: [uncertainty] magnet_depth_mm = 1 should be at most 0.1 times magnet.depth_mm =",
         ),
         ("magnet_depth = 1", "beam.toml: [uncertainty] magnet_depth is not a known key; did you mean magnet_depth_mm?"),
         ("width_mm = nan", "width_mm = nan should be a finite number"),

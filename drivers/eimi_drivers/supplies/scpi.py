@@ -186,9 +186,9 @@ class ScpiSupply(SupplyBase):
         check_level(self._link.address, self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Set the modes in which the supply obeys the set-points, such as current priority (`Profile.modes`).
+        """Correct the settings of the supply that give the set-points their meaning (`Profile.modes`), if necessary.
 
-        Only a wrong mode is set. Raises SetPointNotTaken if the mode is still wrong afterwards.
+        An example is the priority of the current. Raises SetPointNotTaken if a setting is still wrong afterwards.
         """
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))
