@@ -62,7 +62,7 @@ class Ward:
     added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
     the supply that the run uses; None until the run has read both. `recognised` is true if the run switched the output
     off and still measured a current. Otherwise the guardian takes a supply without a serial number for the supply of
-    the coil only if its output is on.
+    the coil only if it finds the output on or measures a current.
     """
 
     driver: str

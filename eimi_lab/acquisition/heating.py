@@ -2,7 +2,7 @@
 
 The coil is modelled as one body with a constant resistance, which loses heat in proportion to its temperature rise. The
 temperature rise is then proportional to a quantity h, which this package calls the heat of the coil. Its unit is A²,
-and it follows
+and it satisfies
 
     τ dh/dt = I² − h,
 

@@ -5,15 +5,16 @@ is also an error of the modulus. A ring-down is the free vibration of the beam a
 its frequency and the mass of the beam determine the modulus without the moment. This dynamic modulus is larger than the
 static modulus. If creep is recorded, a viscoelastic (Prony) law gives the difference of the two moduli.
 
-Let s be the logarithm of the modulus from the static states, and d the logarithm of the modulus from the ring-down. To
-first order in the errors δ of the inputs, each divided by its standard uncertainty,
+Let s be the logarithm of the modulus from the static states. Let d be the logarithm of the modulus from the ring-down,
+from which the computed difference was subtracted. To first order in the errors δ of the inputs, each divided by its
+standard uncertainty,
 
     s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
 
-Here x is the logarithm of the true static modulus, after the computed difference was subtracted from d, and r is the
-error of this difference. The vectors a and b are the changes of s and d for a unit error of each input, and n_s and n_d
-are noise. The best linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance matrix of s and d,
-and 1 is the vector (1, 1) (Gauss-Markov theorem).
+Here x is the logarithm of the true static modulus, and r is the error of the computed difference. The vectors a and b
+are the changes of s and d for a unit error of each input, and n_s and n_d are noise. The best linear estimate of x has
+the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance matrix of s and d, and 1 is the vector (1, 1) (Gauss-Markov
+theorem).
 """
 
 from __future__ import annotations

@@ -59,7 +59,8 @@ def typed_line() -> str | None:
 def handled(event: int, act: Callable[[], None]) -> int:
     """Call ``act`` if Windows closes the console, logs the user off or shuts down; ignore Ctrl-C.
 
-    Windows calls this function for each event of the console, and ends the process as soon as the function returns 1.
+    Windows calls this function for each event of the console. After a closing, a log-off or a shutdown, it ends the
+    process as soon as the function returns.
 
     Parameters
     ----------

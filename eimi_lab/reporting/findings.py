@@ -233,8 +233,8 @@ def _next(fit: FitRecord) -> Verdict:
 def _noise(shown: ShownFit, fitted_to: Sequence[DatasetContents]) -> Verdict | None:
     """Return the verdict on whether the residuals of a fit look like noise in all datasets; None without edges.
 
-    For one dataset, the verdict contains the numbers of the test. For several datasets, it contains only the answers,
-    and the numbers are in the appendix.
+    For one dataset, the verdict contains the results of the test. For several datasets, it contains for each dataset
+    only the answer and the sizes of the residuals, and the results of the tests are in the appendix.
     """
     simulated = ((contents.name, contents.simulated_by(shown)) for contents in fitted_to)
     tested = [(name, noise) for name, one in simulated if one and (noise := residual_noise(one))]

@@ -19,9 +19,10 @@ def evidence_for_fits(
     A section assumption (section) says how the cross-section is modelled. The first section that exists in this list is
     used for a fit:
 
-    1. the section with which the law was fitted to this dataset; 2. the section of all other datasets to which the law
-    was fitted, if they have the same section; 3. the section of all bending fits of the report, if they have the same
-    section; 4. the section in the specimen file.
+    1. the section with which the law was fitted to this dataset;
+    2. the section of all other datasets to which the law was fitted, if they have the same section;
+    3. the section of all bending fits of the report, if they have the same section;
+    4. the section in the specimen file.
 
     Parameters
     ----------

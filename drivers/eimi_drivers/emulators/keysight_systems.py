@@ -21,8 +21,8 @@ PROTECTED = 2048
 class _KeysightWatchdog(ScpiDialect):
     """Emulated Keysight supply with a watchdog: a timer that switches the output off unless messages restart it.
 
-    After the watchdog has switched the output off, the answer to ``OUTP?`` is still 1, as on the real supply. The
-    emulator checks the watchdog only when a message arrives. Between messages, a caller can check it with `watch`.
+    After the watchdog has switched the output off, the answer to ``OUTP?`` is still 1. The emulator checks the watchdog
+    only when a message arrives. Between messages, a caller can check it with `watch`.
     """
 
     status = "STAT:QUES1:COND?"

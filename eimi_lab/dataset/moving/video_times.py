@@ -30,8 +30,8 @@ def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
 
     The file contains the times of the playback, which is slower than the recording for a video in slow motion. These
     times are multiplied by the playback rate, divided by the recording rate. A lost frame therefore stays visible as a
-    longer interval. If the user gives no recording rate, it is read from the file, and a note on standard error reports
-    the rate.
+    longer interval. If the user gives no recording rate, it is read from the file; without a rate in the file, the
+    times of the playback are returned. A note on standard error reports the rate.
 
     Parameters
     ----------

@@ -44,10 +44,9 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature (first four bytes of a block) that `content` (4 bytes) was before at most one bit flipped.
+    """Return the signature (first four bytes of a block) from which `content` (4 bytes) differs by at most one bit.
 
-    None is returned if `content` differs from every signature by more than one bit. `pattern` is the regular expression
-    that lists all signatures.
+    None is returned if there is no such signature. `pattern` is the regular expression that lists all signatures.
     """
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
