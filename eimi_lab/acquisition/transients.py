@@ -14,8 +14,8 @@ class Transient:
 
     Each kept frame is later than the previous one by about the same factor in the time since the current last changed,
     because creep proceeds with the logarithm of time. After every kept frame, this factor is computed again from the
-    remaining time and the remaining number of frames. Frames are therefore not lost if the first intervals would be
-    shorter than the time between two frames of the camera.
+    remaining time and the remaining number of frames. Therefore `budget` frames are kept even if the camera is too slow
+    for the first intervals.
 
     Parameters
     ----------

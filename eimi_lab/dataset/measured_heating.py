@@ -146,7 +146,7 @@ def _heats(
 ) -> NDArray[np.float64]:
     """Return the heat of the coil at the times of n readings, for each of m trial values of its time constant.
 
-    The heat is s = h / I0², where I0 is the continuous current of the coil, A. It follows τ ds/dt = I² / I0² − s with
+    The heat is s = h / I0², where I0 is the continuous current of the coil, A. It satisfies τ ds/dt = I² / I0² − s with
     s = 0 at the first reading; I is the current and τ the time constant.
 
     Parameters

@@ -55,8 +55,9 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
 def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
     """Return the simulations of several fits on one dataset, with the 95 % intervals of their mean errors.
 
-    Each fit is given with the evidence of the dataset for its section assumption. Raises InputError if a law was fitted
-    to this dataset with another section assumption. Section assumption: the model of the cross-section.
+    Each fit comes with the evidence of the dataset: loads, measurements and a beam model whose cross-section is
+    modelled as in the fit (section assumption). Raises InputError if a law was fitted to this dataset with another
+    section assumption.
     """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
@@ -70,13 +71,13 @@ def predict_on_each(
 ) -> Iterator[tuple[int, list[Prediction[Law]]]]:
     """Predict the errors of fits on several datasets, first without and then with intervals.
 
-    Section assumption: the model of the cross-section (solid, plane stress or plane strain).
+    The intervals take longer to compute. The caller can show the errors in the meantime.
 
     Parameters
     ----------
     datasets : sequence
-        For each dataset a sequence of pairs: a fit, and the evidence of the dataset for the section assumption of the
-        fit.
+        For each dataset a sequence of pairs: a fit, and the evidence of the dataset (loads, measurements and beam
+        model). The evidence has the section assumption of the fit: solid, plane stress or plane strain.
     step_done : callable
         Called with a line after each simulated fit and after each interval.
     executor : callable, optional
@@ -87,10 +88,9 @@ def predict_on_each(
     Yields
     ------
     place : int
-        Index of a dataset. Each index is yielded twice.
+        Index of a dataset. Each index is yielded twice: first without intervals, later with intervals.
     predictions : list of Prediction
-        The predictions of all fits on this dataset. The first time they have no intervals, because the intervals take
-        longer to compute. The second time they have intervals.
+        The predictions of all fits on this dataset.
 
     Raises
     ------
@@ -138,9 +138,9 @@ def predict_on_each(
 
 
 class _Step(NamedTuple):
-    """One step of the prediction of errors: a simulation or the computation of an interval.
+    """One task for a worker: the simulation of fits on a dataset, or the computation of an interval.
 
-    The step holds the index of its dataset and the index of its fit.
+    The object contains the index of the dataset and the index of the fit.
     """
 
     kind: Literal["together", "alone", "interval"]
@@ -156,9 +156,9 @@ def _called(call: Callable[[], Any]) -> Any:
 def _simulate_together(
     fits: Sequence[tuple[Law, Evidence]], step_done: Callable[[str], None]
 ) -> list[Prediction[Law] | None]:
-    """Simulate all fits on one dataset; fits with the same section assumption are simulated together.
+    """Simulate all fits on one dataset, those with the same model of the cross-section in one batch.
 
-    Section assumption: the model of the cross-section. The result is None for a fit that has to be simulated alone.
+    The results have the order of the fits. A result is None if the fit has to be simulated alone (`simulate_alone`).
     """
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {

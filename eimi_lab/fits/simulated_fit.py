@@ -146,10 +146,11 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 def _planar_comparisons(
     evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
 ) -> list[Comparison]:
-    """Return the comparison of a dataset with the planar simulation of each fit.
+    """Return the comparison of a dataset with the planar simulation of each fit, in the order of the fits.
 
-    These simulations are not yet corrected for the depth of the beam. Fits of one law without a bulk modulus and
-    without freed nuisances (uncertain inputs that were fitted with the law) are simulated as one batch.
+    The simulations are not yet corrected for the depth of the beam. To save time, the fits of one law are simulated as
+    one batch. A fit with a bulk modulus, or with uncertain inputs that were fitted together with the law, is simulated
+    separately.
     """
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}

@@ -66,7 +66,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Cell:
-    """A text in a cell of a table, with a mark for the reader; one of several lines of the cell, or the whole cell.
+    """One line of text in a cell of a table, with a mark for the reader.
 
     `mark` is "best" for the smallest error of a column, "held" for a value that the data do not determine, or empty.
     """
