@@ -140,10 +140,10 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements (mm) of the N nodes, shape (N, 2), from the unknowns ``x``.
+        """Return the displacements of the N nodes in mm, (N, 2), for given unknowns ``x`` of Newton's method.
 
-        The unknowns are the displacements of the free nodes, and the two translations (mm) and the rotation (rad) of
-        the magnet.
+        The unknowns are the displacements of the free nodes, then two translations (mm) and the rotation (rad) of the
+        magnet. The nodes at the clamp do not move, and the nodes at the magnet move with it.
         """
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
@@ -152,9 +152,10 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the Newton step of the unknowns ``x`` in a field (mT).
+        """Return the change of the unknowns ``x`` in one step of Newton's method, in a field (mT).
 
-        The displacements that belong to ``x`` are stored in FElupe's field container.
+        FElupe computes forces and stiffness for the displacements in its field container, which this function sets to
+        those of ``x``.
         """
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()

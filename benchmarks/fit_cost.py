@@ -95,7 +95,7 @@ def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) 
 
 
 def task_kB(path: Path, section: str) -> float:
-    """Return the size (kB) of the task that a worker process receives for one fit: the function and its arguments.
+    """Return the amount of data (kB) that is sent to a worker process for one fit: the function and its arguments.
 
     The fit belongs to the dataset `path`. `section` is the model of the beam, such as "plane-stress" or "solid".
     """

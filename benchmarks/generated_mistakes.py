@@ -91,10 +91,10 @@ def changes(text: str) -> list[Change]:
 
 
 def _skipped(tree: ast.AST) -> set[int]:
-    """Return the identities of the nodes that are never changed.
+    """Return the nodes of the syntax tree in which no mistake is made, as a set of their identities (`id`).
 
     These nodes are annotations, decorators, f-strings, imports, assertions (also the argument `strict` of `zip`), some
-    calls such as `TypeVar`, and blocks for type checkers.
+    calls such as `TypeVar`, and blocks for type checkers, with everything inside them.
     """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -189,9 +189,10 @@ def _replaced(node: ast.expr | ast.stmt, new: str, says: str) -> Change:
 
 
 def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> Iterator[Change]:
-    """Yield the replacement of the operator `old` between two operands.
+    """Yield one change: the operator `old` between two operands becomes the operator `new`.
 
-    Yield nothing if `old` occurs more than once between the operands, or if the operands are on different lines.
+    `left` and `right` are the operands, between which the operator is searched in the text. Nothing is yielded if `old`
+    occurs more than once there, or if the operands are on different lines.
     """
     (line, column), (end_line, end_column) = _end(left), _start(right)
     if line != end_line:

@@ -93,7 +93,11 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads with the field of a current loop, which is 2 % lower at 15 mm from the centre of the loop."""
+    """Return the loads with a field that is not uniform: the field of one current loop.
+
+    The field is strongest at the centre of the loop, where the field of the specimen is specified. At 15 mm from it,
+    the field is 2 % lower.
+    """
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 

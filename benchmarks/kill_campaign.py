@@ -75,7 +75,7 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class ObservedInstrument:
-    """An emulated instrument that sets the event `first` when the first message arrives.
+    """An emulated instrument that shows when a run has sent its first message: it then sets the event `first`.
 
     `instrument` is the emulated instrument that answers the messages.
     """

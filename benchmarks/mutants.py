@@ -102,9 +102,9 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of this change of the code that stays the same if other changes are added to the lists.
+        """Return an identifier of this mistake (change of the code) that does not depend on other mistakes.
 
-        The identifier depends on the file and the two fragments, and for a listed change also on its tests.
+        It depends on the file and the two fragments, and for a listed mistake also on its tests.
         """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]

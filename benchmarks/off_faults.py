@@ -25,8 +25,8 @@ class Fault:
     transport : str
         Kind of line to the supply: "pty" and "port" are serial ports, "tcp" is a socket, and "hislip" is HiSLIP.
     act : callable
-        Takes the trial, causes the fault, and returns the time (s, monotonic clock) from which the delay until the coil
-        is off is counted.
+        Takes the trial and causes the fault. It returns the time (s, monotonic clock) from which it is counted how long
+        the coil stays on.
     said : str
         Regular expression that the messages of the run must contain.
     off_within_s : float
@@ -36,8 +36,8 @@ class Fault:
     flows_on : bool
         True if the current continues although the output is off.
     out_of_reach : bool
-        True if no program can switch the coil off any more. The time is then counted until the run reports that the
-        coil may be on.
+        True if no program can switch the coil off any more. ``off_within_s`` then limits the time until the run reports
+        that the coil may be on.
     not_said : str
         Regular expression that no message may contain; empty if there is no such requirement.
     """

@@ -35,7 +35,10 @@ _NAMED = 0.5  # probability from which a cause counts as named
 
 
 def drawn_bench(seed: int) -> Imperfection:
-    """Return a bench whose inputs deviate from the files by values that are drawn with the stated uncertainties."""
+    """Return a bench whose true inputs differ from the values in its files by random deviations.
+
+    The deviations are drawn with the uncertainties that the files state.
+    """
     deviations = deviations_drawn(np.random.default_rng([seed, 29]), stated())
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     return Imperfection(

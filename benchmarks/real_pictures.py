@@ -40,10 +40,11 @@ _DEGREE = 7  # degree of the polynomial about which the scatter of an edge is co
 
 
 def stated_over_observed(edge: EdgePoints) -> float:
-    """Return the stated standard deviation of an edge's points divided by their observed standard deviation.
+    """Return how large the stated standard deviation of an edge's points is, as a multiple of the observed one.
 
-    The search for the edges states a deviation for each point. The observed deviation is the scatter of the points
-    about a polynomial in the arc length. Return NaN if the edge has too few points.
+    The search for the edges states a standard deviation for each point; their root mean square counts. The observed one
+    is the scatter of the points about a smooth line (a polynomial in the arc length). Return NaN if the edge has too
+    few points.
     """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan

@@ -96,9 +96,10 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Return the slope of log(cost) against log(number), from the last three pairs (number, cost).
+    """Return how the cost grows with a number: the exponent a in cost ~ number^a, from the last three pairs.
 
-    The number counts candidates (sets of parameters), states (load steps) or elements.
+    A pair consists of a number and its cost. The number counts candidates (sets of parameters), states (load steps) or
+    elements. The exponent is the slope in a plot with two logarithmic axes.
     """
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 

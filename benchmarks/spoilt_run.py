@@ -25,7 +25,10 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Replace methods of the camera class and the wall clock, so that files in the folder `beside` cause faults."""
+    """Replace methods of the camera class and the wall clock by versions that files in a folder can make faulty.
+
+    The module describes the files. `beside` is the folder.
+    """
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

@@ -75,9 +75,9 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the group of an experiment: the dimensions of the beam as a text in mm, and the noise of the edges in mm.
+    """Return the group of an experiment: the dimensions of the beam in mm, as a text, and the noise of the edges in mm.
 
-    The intervals of all quick fits in one group have the same relative width.
+    The intervals of all quick fits in one group have the same relative width, the mean width of its full fits.
     """
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 

@@ -31,11 +31,11 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the coordinates y of the mesh lines in mm, and the number of elements on one side of the magnet.
+    """Return the coordinates y of the mesh lines at a narrow magnet, and the number of elements on one side of it.
 
-    Across its width, the beam consists of silicone, the magnet and silicone. The number counts the elements in the
-    silicone on one side of the magnet. y = 0 is the middle. across: the number of elements across a beam whose magnet
-    is not narrower.
+    Across its width, the beam consists of silicone, the magnet and silicone; y = 0 is the middle of the magnet. The
+    mesh lines, in mm, follow the sides of the magnet. The number counts the elements in the silicone on one side.
+    across: the number of elements across a beam without such a magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2

@@ -217,6 +217,9 @@ def weighed_causes(
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the fewest hypotheses, of H, whose probabilities (H,) have a sum of at least 0.95."""
+    """Return the indices of the most probable hypotheses: as few as have a probability of 0.95 together.
+
+    ``probability`` has the probability of each of H hypotheses, (H,).
+    """
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

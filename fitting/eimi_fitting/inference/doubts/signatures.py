@@ -185,8 +185,8 @@ class About:
         For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
         comparison uses. Points of an edge near its ends are not used.
     in_error : tuple of ndarray, shape (K, G, m)
-        For each experiment, weights that are positive for points that the error of a state counts. Points near the ends
-        of an edge are counted, so that a fit with large residuals there is still refused.
+        For each experiment, weights that are positive for the points from which the error of a state is computed.
+        Points near the ends of an edge are included here, so that a fit with large residuals there is still refused.
     solved : tuple of Solved
         For each experiment, the simulation at the optimum on the coarse mesh (the mesh of the search). Empty if an
         experiment has no equilibrium.

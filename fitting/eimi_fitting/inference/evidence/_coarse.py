@@ -17,14 +17,18 @@ POINTS_OF_EDGE = 25  # about two for each element
 
 
 def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with the default mesh of `BeamModel`; measurements and loads are unchanged."""
+    """Return the experiments with the default mesh of `BeamModel`, which is coarse.
+
+    Measurements and loads are unchanged.
+    """
     return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen, plane=e.model.plane)) for e in experiments)
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with the default mesh of `BeamModel` and at least `POINTS_OF_EDGE` points of each edge.
+    """Return the experiments as the search uses them: with a coarse mesh and with fewer points of each edge.
 
-    Edges with fewer points keep all their points.
+    The mesh is the default mesh of `BeamModel`. About `POINTS_OF_EDGE` points of each edge remain, but not fewer. An
+    edge that has fewer keeps all of them.
     """
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 

@@ -57,7 +57,7 @@ class NuisancePrior:
 
     def __post_init__(self) -> None:
         if self.kind not in SOURCES:
-            raise ValueError(f"{self.kind}: an uncertain quantity should be one of {', '.join(SOURCES)}")
+            raise ValueError(f"{self.kind} is no uncertain quantity: choose one of {', '.join(SOURCES)}")
         largest = SOURCES[self.kind].largest
         if self.spread is not None and not 0 < self.spread <= largest:
             raise ValueError(

@@ -64,16 +64,18 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The sum over the states k of w_k J_k' J_k, shape (n, n), for weights w_k and slopes J_k in n unknowns.
+        """What the states of this experiment contribute to the information A of the data, shape (n, n).
 
-        J_k are the derivatives of the residuals of state k in the unknowns.
+        It is the sum over the states k of w_k J_k' J_k, with the weights w_k and the derivatives J_k of the residuals
+        in n unknowns.
         """
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the sum over the states k of w_k J_k' r_k, shape (n,), for weights w_k, slopes J_k and residuals r_k.
+        """Return what given residuals contribute to the gradient of minus the log-likelihood in n unknowns, shape (n,).
 
-        The residuals r_k in mm have the shape (K, G, m) for G groups (edges, or x and y) of m points in K states.
+        It is the sum over the states k of w_k J_k' r_k, with the weights w_k, the derivatives J_k and the residuals
+        r_k. ``residuals`` has the shape (K, G, m), in mm, for G groups (edges, or x and y) of m points in K states.
         """
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 

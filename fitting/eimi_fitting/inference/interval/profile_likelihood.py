@@ -97,12 +97,13 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Replace ``point`` by a better candidate for the end of the interval.
+        """Replace ``point`` by a point that is nearer to the end of the interval.
 
-        The end lies where the profile has the value ``target``. The profile is the smallest deviance for a given value
-        of ``coordinate``; it is approximated with the Hessian of half the deviance at the optimum. The distance of the
-        new candidate from the optimum is changed so that this approximation has the value ``target``, and the other
-        coordinates are moved to the minimum. unit: the optimum; hessian: the Hessian.
+        At the end, the profile (the smallest deviance for a given value of ``coordinate``) equals ``target``. The
+        profile grows about as the square of the distance from the optimum. The present distance is therefore multiplied
+        by the root of ``target`` / profile, but kept between the distances that are known to be inside and outside the
+        interval. The other coordinates are then moved so that a quadratic approximation of the deviance is smallest.
+        unit: the optimum; hessian: the Hessian of half the deviance there.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
