@@ -91,8 +91,8 @@ class MovingBeam:
     def coordinates(self) -> Array:
         """The present n coordinates of the rod that models the beam, shape (n,).
 
-        The coordinates are amplitudes of bending, the angle of the hinge between rod and magnet if there is a magnet,
-        and the amplitude of stretching.
+        They describe the curvature of the rod, the angle of the hinge between rod and magnet if there is a magnet, and
+        the strain of the rod; see `Rod`.
         """
         return self._state[: self.rod.size]
 

@@ -103,7 +103,7 @@ def bench(link: str) -> Iterator[SupplyBench]:
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """An open supply driver, each in turn, with its emulated supply in the same process and in simulated time."""
+    """Each supply driver in turn, open, with its emulated supply in the same process and in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 

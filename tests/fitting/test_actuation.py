@@ -40,8 +40,8 @@ class TipMoment:
 class GradientForce:
     """The force of a field gradient on the magnet, which acts on the dipole at the centre of the magnet.
 
-    numbers: derivatives of the field in T/mm in each of K states, shape (K, 2). The moment of the dipole times the two
-    derivatives is the force along x and y.
+    numbers: for each of K states, two derivatives of the field in T/mm, shape (K, 2). The force along x is the moment
+    of the dipole times the first derivative, and the force along y is the moment times the second one.
     """
 
     numbers: np.ndarray

@@ -17,7 +17,7 @@ STATES = 8
 def experiments() -> list[Experiment]:
     """Return two experiments (beam model, loads and measurements): one with edges and one with tracked points.
 
-    All coordinates of a state equal the index of this state.
+    Each state has its index as the value of all its coordinates, so that a test recognises the states of a replicate.
     """
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)

@@ -1,6 +1,6 @@
-"""Test the possible causes of residuals that are errors of the loads or of the law, such as a wrong field.
+"""Each possible cause of residuals that concerns the loads or the law changes the simulation as its description says.
 
-Each of these causes changes the simulated loads or the simulated law as the description of the cause says.
+Examples of such causes are a wrong field and a law that lacks two terms.
 """
 
 from __future__ import annotations
@@ -115,8 +115,9 @@ def test_another_law_has_the_same_initial_modulus_and_two_more_terms(law: str, p
     invariant = stretch**2 + 2 / stretch
 
     def added(quadratic: float, second: float) -> np.ndarray:
-        """Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of the two added terms at the stretches l.
+        """Return the engineering stress that two additional terms of the law cause at the stretches of the test.
 
+        At the stretch l, this stress is 2 (l - l^-2) (dW/dI1 + dW/dI2 / l), with the energy W of the two terms.
         `quadratic` and `second` are the amplitudes of the term in (I1 - 3)^2 and of the term in I2.
         """
         by_first = 2 * quadratic * (invariant - 3) - 0.5 * second

@@ -1,4 +1,7 @@
-"""In the planar element, forces and tangent stiffness are derivatives of one energy and have its symmetries."""
+"""The forces and the tangent stiffness of the planar element are derivatives of one energy.
+
+They are also objective (a rotation of the element rotates the forces), isotropic and symmetric.
+"""
 
 from __future__ import annotations
 

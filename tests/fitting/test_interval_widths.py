@@ -173,7 +173,10 @@ def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
 def test_the_degrees_of_freedom_are_those_of_the_points_or_of_the_edges(
     states: int, points: float, freedom: float
 ) -> None:
-    """E edges give E - 1 degrees of freedom, and N points with one unknown give N - 1. The smaller number counts."""
+    """The noise of a fit with one unknown is known with E - 1 or N - 1 degrees of freedom, whichever is smaller.
+
+    E is the number of edges of all states, and N the number of independent points.
+    """
     linear: Any = SimpleNamespace(residuals=np.zeros((states, 2, 9)))
     about: Any = SimpleNamespace(states=(linear,), noise_points=points, unit=np.zeros(1))
     observed = EdgeObservation(np.zeros((states, 2, 9, 2)), np.ones((states, 2, 9)))

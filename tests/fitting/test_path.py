@@ -156,7 +156,8 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_hundred_solids(name, magn
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
     """With a thin layer of silicone beside or beyond the magnet, four load steps reach the same equilibrium as forty.
 
-    Big steps fail at first, and extrapolation predicts small steps badly.
+    Such a layer makes the solution difficult: Newton's method fails at first for large steps, and the extrapolated
+    start of smaller steps is bad.
     """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
@@ -168,9 +169,10 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """On a fine mesh, one load step reaches the equilibrium of forty load steps, although the rotation begins late.
+    """On a fine mesh, one load step reaches the same equilibrium as forty load steps, although the beam bends suddenly.
 
-    Extrapolation from two states predicts too much rotation, with an error that is too large for small elements.
+    The rotation begins late in the step. The start that is extrapolated from two states then has too much rotation,
+    which small elements do not tolerate.
     """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (

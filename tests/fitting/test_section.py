@@ -1,6 +1,7 @@
 """Fits with the solid model of the beam give the right modulus from edges that no planar model reproduces.
 
-The depth effect, the difference of the solid from its planar model, is reused if possible.
+The depth effect, that is, the difference between the solid and its planar model, takes long to compute. The tests also
+show that it is not computed again where an earlier one can be used.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Sensitivities, the derivatives of the edges with respect to parameters and loads, agree with finite differences.
 
-They also agree with physical relations.
+They also fulfil physical relations: for example, a change of the stiffness and a change of the field have opposite
+effects.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The solid element and beam model agree with derivatives, exact solutions, plane strain and an independent program."""
+"""The solid element and the solid beam model are right.
+
+The element's forces and tangents are derivatives of the energy. Solutions agree with exact solutions, with the planar
+model in plane strain and with an independent program.
+"""
 
 from __future__ import annotations
 

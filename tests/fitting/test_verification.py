@@ -75,9 +75,10 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate the cylinder by a dead radial traction; return the mesh and its deformed shape.
+    """Inflate the cylinder by a radial traction on its inner face; return the mesh and its deformed shape.
 
-    The traction is the pressure in the deformed shape times the stretch of the inner radius.
+    The traction is given for the undeformed area: the pressure in the deformed shape times the stretch of the inner
+    radius.
     """
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))

@@ -18,7 +18,7 @@ from tests.shared.virtual_measurements import Case, outcome, row
 def valley(bend: float):
     """Return an objective with a narrow curved valley v = bend u² in two coordinates, and its Hessian at the minimum.
 
-    u and v are the coordinates minus 0.5. The profile of u is (u / 0.05)².
+    u and v are the coordinates minus 0.5. For a given u, the smallest value over all v is (u / 0.05)².
     """
 
     def rise(unit):

@@ -16,7 +16,10 @@ pictures_at_hand = pytest.mark.skipif(not PICTURES, reason="../shared/data/pictu
 @pictures_at_hand
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_changed_photograph_is_never_wrong_without_a_doubt(change):
-    """The scale, the light, noise, a mirror, JPEG compression and blur do not lead to wrong edges without a flag."""
+    """A photograph that was changed still gives right edges, or edges with a flag (warning).
+
+    The changes are of the scale and of the light, noise, a mirror image, JPEG compression and blur.
+    """
     picture = PICTURES["diffcal_blue_1"]
     changed = perturbed(picture, change)
     edges = changed.edges()

@@ -105,7 +105,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached(Exception):
-    """An exception that a replaced function raises instead of its work, with the arguments of the call."""
+    """The arguments with which a command called a function that a test has replaced."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]
@@ -113,7 +113,7 @@ class Reached(Exception):
 
 @pytest.fixture
 def reached(monkeypatch: pytest.MonkeyPatch, run: Run) -> Callable[..., tuple[tuple[Any, ...], dict[str, Any]]]:
-    """Return a function that runs a command until it calls a given function; it returns the arguments of this call."""
+    """Return a function that runs a command up to its call of a given function, and returns its arguments."""
 
     def reached(function: str, *arguments: object) -> tuple[tuple[Any, ...], dict[str, Any]]:
         calls: list[Reached] = []

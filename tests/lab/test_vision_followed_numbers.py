@@ -111,7 +111,10 @@ def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
 
 
 def bright_beam(stations: int) -> Array:
-    """Return the grey values of a beam, shape (stations, 53), at places along the beam and across it."""
+    """Return the grey values of a bright beam (200) on a dark background (50), shape (stations, 53).
+
+    The first axis is along the beam. The second axis is across the beam, which is 23 of the 53 points wide.
+    """
     return np.tile(np.where(np.abs(np.arange(-26, 27)) < 12, 200.0, 50.0), (stations, 1))
 
 

@@ -63,7 +63,11 @@ class Bench:
 
 
 def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Generator) -> Experiment:
-    """Return a simulated experiment: edges of a beam whose true values deviate at random from its files."""
+    """Return a simulated experiment: the beam and its loads differ at random from the values in the files.
+
+    The size of the differences follows from the standard uncertainties in `bench`. The experiment contains the edges,
+    and the values in the files.
+    """
     deviations = {
         s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in bench.stated
     }

@@ -58,9 +58,11 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return the RMS distance (px) between the reliable parts of the edges and the borders of possible shadows.
+    """Return how far (px) the edges may be wrong because of shadows.
 
-    sides: both edges, and the borders of possible shadows of the beam. width_px: nominal width of the beam, px.
+    Where a shadow is possible beside the beam, its border and the located edge are both possible edges (`sides.shadow`
+    is the distance between them). The result is the root mean square of this distance at the stations at which an edge
+    is reliable. width_px: nominal width of the beam, px.
     """
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 

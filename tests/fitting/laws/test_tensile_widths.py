@@ -69,9 +69,10 @@ def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
 
 
 def test_exponents_that_the_data_do_not_determine_are_limited_by_their_range() -> None:
-    """With small strains, which hardly depend on the Ogden exponents, the range of the exponents limits the moduli.
+    """If the data do not determine the Ogden exponents, the intervals of the moduli are still finite.
 
-    The initial shear modulus is determined by these data.
+    The stress at small strains depends only on the initial shear modulus, which is determined well. The moduli of the
+    terms then depend on the exponents, and the permitted range of the exponents limits them.
     """
     law = LAWS["ogden"]
     strain = np.linspace(0.005, 0.06, 30)

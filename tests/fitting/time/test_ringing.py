@@ -1,7 +1,7 @@
-"""The complex frequencies that a fit interpolates in a table agree with the frequencies of the whole beam model.
+"""The frequency and the decay of a vibrating beam are computed rightly from a table of complex frequencies.
 
-A long exposure blurs a vibrating beam, so that its amplitude in the pictures is too small. The computed correction of
-the amplitude is right.
+A fit interpolates in this table instead of solving the whole beam model. In addition, the amplitude in the pictures is
+corrected: during a long exposure the beam moves, so that the measured amplitude is too small.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""A weight on a thread that swings with the beam leaves the frequency and the loss of the beam alone within 0.5 %."""
+"""A weight on a thread that swings together with the beam does not disturb the analysis of the vibration.
+
+The frequency of the beam alone is found within 0.5 %, and its loss factor within 8 %.
+"""
 
 from __future__ import annotations
 
