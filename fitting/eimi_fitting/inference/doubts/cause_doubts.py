@@ -1,4 +1,4 @@
-"""Name the most probable cause of the residuals of a fit as a doubt, if the cause concerns the modulus."""
+"""Name the most probable cause of the residuals in a doubt (a warning), if the cause matters for the modulus."""
 
 from __future__ import annotations
 

@@ -119,8 +119,9 @@ class Weighed:
         For each cause by name, one array for each experiment: the errors in mm of the K states if the fit took only
         this cause into account.
     modulus_percent : tuple of float
-        Smallest and largest change of the initial shear modulus in per cent, compared with the fit, over the most
-        probable hypotheses that together have a probability of 0.95. A hypothesis is a set of causes that are present.
+        Range of the changes of the initial shear modulus in per cent, compared with the fit, if the causes are taken
+        into account: the smallest and the largest change. A hypothesis is a set of causes that are present. The range
+        contains the changes of the most probable hypotheses, which together have a probability of 0.95.
     most_probable : frozenset of str
         Names of the causes of the most probable hypothesis.
     beside_the_fit : float

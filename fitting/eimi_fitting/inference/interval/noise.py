@@ -12,7 +12,8 @@ for the residuals r_k of state k in mm, their slopes J_k in x, their changes C_k
 source, and the weights w_k of `inference.interval.covariance`. The remaining residuals are the noise. The level and
 correlation of the noise determine w_k, and the fit is repeated until the level stays the same. The effect of a source
 on the residuals is only approximately linear, and an error of a few per cent of this effect may exceed the noise.
-Residuals and slopes are therefore evaluated again at the minimum (Gauss-Newton). Laws are compared by the noise.
+Residuals and slopes are therefore evaluated again at the minimum (Gauss-Newton). The noise also decides which of
+several laws fits best (`inference.planning.choice_of_law`).
 """
 
 from __future__ import annotations

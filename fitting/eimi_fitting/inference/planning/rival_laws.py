@@ -1,8 +1,9 @@
 """Choose the states to measure next, so that they distinguish two laws.
 
-The second law (the rival) is fitted to the edges of the first law. The criterion is the sum of the squared residuals of
-this fit, in units of the noise: the noncentrality of T-optimality (Atkinson and Fedorov 1975, Biometrika 62:57). This
-sum is the expected difference in AIC.
+The first law is assumed to be true. The second law (the rival) is fitted to the edges of the first law. Its residuals
+show how well a measurement could distinguish the two laws. The criterion is the sum of the squared residuals, in units
+of the noise. It is the expected difference in AIC between the two laws, and is also called the noncentrality
+(T-optimality: Atkinson and Fedorov 1975, Biometrika 62:57).
 """
 
 from __future__ import annotations
