@@ -325,7 +325,10 @@ def _meanings(table: type) -> dict[str, str]:
 
 
 def _examples(names: tuple[str, ...]) -> dict[str, str]:
-    """Return an example value of each key in the shipped files with these names. Comments are searched too."""
+    """Return an example value of each key, from the lines of shipped files in which the key has a value.
+
+    `names` are the names of the files. A line may be a comment, because the files contain optional keys as comments.
+    """
     examples: dict[str, str] = {}
     for name in names:
         table = ""

@@ -67,6 +67,6 @@ EXAMPLES = {
 def in_help(examples: Sequence[str]) -> str:
     """Return the examples of a command as a text for --help.
 
-    A control character at the beginning of the text keeps typer from joining the lines.
+    The control character at the beginning keeps typer from joining the lines of the text.
     """
     return "\b\n" + "\n".join(["Examples:", *(f"  {example}" for example in examples)])

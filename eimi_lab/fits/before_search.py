@@ -92,7 +92,10 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return the instruction to change an input file and to store it in the dataset with `eimi segment`."""
+    """Return the text `change`, such as "correct width_mm", with the file to change and the command to use.
+
+    The command is `eimi segment`, which stores the changed file in the dataset.
+    """
     return f"{change} in {file}.toml, and store this file: eimi segment {path} --{file} {file}.toml"
 
 

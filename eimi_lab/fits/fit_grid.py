@@ -191,7 +191,8 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
     """Yield the fits to the measured data in the order of the tasks, each with the fits to its bootstrap replicates.
 
-    A replicate consists of states drawn at random from the measured states.
+    A replicate consists of states drawn at random from the measured states. `done` contains the result of each task by
+    the index of the task.
     """
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):

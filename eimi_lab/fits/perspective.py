@@ -88,9 +88,10 @@ def _slope(profiles: Array) -> float:
 
 
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """Return width (mm), distance from the optical axis (mm) and curvature (1/mm) of the beam in state k.
+    """Return three profiles of the beam in state k at m stations (places along the beam), shape (3, m).
 
-    The result has the shape (3, m) for m stations (places along the beam).
+    The rows are the apparent width w (mm), the distance a = a_left + a_right of both edges from the optical axis (mm),
+    and the curvature κ (1/mm).
     """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
@@ -106,9 +107,9 @@ def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """Return x and y of an edge at m fractions of its arc length, shape (m, 2).
+    """Return x and y of an edge at the m stations, shape (m, 2). A station is a fixed fraction of the arc length.
 
-    `points` holds x and y of n points of the edge, shape (n, 2).
+    `points` contains x and y of n points of the edge, shape (n, 2).
     """
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = _STATIONS * length[-1]

@@ -143,9 +143,9 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return the law of a fit with its parameters, and the uncertain inputs that were fitted for this dataset.
+    """Return what has to be simulated for a fit: the law with its parameters, and the values of uncertain inputs.
 
-    The result has the form of a candidate: a law and inputs that can be simulated.
+    These inputs are those that were fitted to this dataset together with the law; there are none for another dataset.
     """
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()

@@ -124,9 +124,10 @@ def _widths(table: Sequence[Sequence[str]]) -> list[int]:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], head: Sequence[str], right: Sequence[str]) -> str:
-    """Return one line of a table; the columns whose heading (in `head`) is in `right` are aligned to the right.
+    """Return one line of a table, with its cells aligned to the left or to the right.
 
-    `widths` holds the number of characters of each column.
+    `cells`, `widths` (numbers of characters) and `head` (headings) have one element for each column. `right` contains
+    the headings of the columns that are aligned to the right.
     """
     aligned = (
         cell.rjust(width) if name in right else cell.ljust(width)

@@ -58,7 +58,10 @@ def _places(scale: float, quantity: Quantity) -> int:
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
-    """Return the factor from pascal to the unit in which a quantity is written, and the name of this unit."""
+    """Return the unit in which a quantity is written: the factor from its own unit, and the name of the unit.
+
+    A pressure in Pa is written in kPa, MPa or GPa. Any other quantity has the factor 1 and an empty name.
+    """
     if quantity.unit != "Pa":
         return 1.0, ""
     size = max(map(abs, quantity.interval_95))

@@ -243,10 +243,10 @@ class AravisCamera:
         return buffer
 
     def _discard_late_frames(self, until_s: float) -> None:
-        """Discard the frames of earlier triggers that no `grab` returned.
+        """Discard the frames that belong to earlier triggers and that no `grab` returned.
 
-        The method waits for frames that have not arrived yet, at most until the time `until_s` (s, on the clock of
-        `time.monotonic`).
+        Some of them may not have arrived yet. The method waits for these frames, at most until the time `until_s` (s,
+        on the clock of `time.monotonic`).
         """
         self.flush()
         while self._awaited and (left_s := until_s - time.monotonic()) > 0:

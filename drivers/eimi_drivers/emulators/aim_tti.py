@@ -238,7 +238,10 @@ class AimTtiDialect:
         self._error = number
 
     def _note_limits(self) -> None:
-        """Set the bits of a new trip and of the present regulation mode in the limit event status register."""
+        """Store in the limit event status register what limits the output, voltage or current, and whether it tripped.
+
+        The bit of a trip is set only at the first call after the trip.
+        """
         supply = self.supply
         if supply.output_on():
             self._limits |= CONSTANT_VOLTAGE if supply.constant_voltage() else CONSTANT_CURRENT

@@ -23,16 +23,16 @@ from eimi_drivers.emulators.trip_level import TripLevel
 
 
 class _ChannelSelected(ScpiDialect):
-    """Emulated SCPI supply that applies messages to the selected channel (output).
+    """Emulated SCPI supply with several channels (outputs), whose messages apply to the channel that was selected last.
 
-    After power-up a channel without a coil is selected.
+    After power-up a channel without a coil is selected. The keys and values of the attributes are texts.
 
     Attributes
     ----------
     names : dict
-        The name of each channel in INSTrument:SELect, by the number of the channel as text.
+        The name of each channel in the message INSTrument:SELect, by the number of the channel.
     aliases : dict
-        The number of the channel as text, by further names that are accepted.
+        The number of a channel, by another name that the supply accepts for it.
     """
 
     names: ClassVar[dict[str, str]]

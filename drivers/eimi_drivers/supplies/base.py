@@ -324,7 +324,7 @@ class SupplyBase(Conversation, ABC):
         return found_off
 
     def _confirm_identity(self) -> None:
-        """Check the identity of a supply that was switched off on a reopened line.
+        """Check that a supply that was switched off on a reopened connection is certainly the supply of the coil.
 
         Raises
         ------
@@ -405,7 +405,9 @@ class SupplyBase(Conversation, ABC):
             )
 
     def _read_back(self, ask: Callable[[], _Value], is_right: Callable[[_Value], bool]) -> _Value | None:
-        """Repeat a query until `read_backs` consecutive answers are right, or `READ_BACK_WITHIN_S` has passed.
+        """Ask the supply for a value until the answer is right several times in a row, or the time is over.
+
+        The number of right answers is `read_backs`, and the time is `READ_BACK_WITHIN_S`.
 
         Parameters
         ----------

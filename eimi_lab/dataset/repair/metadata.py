@@ -175,9 +175,11 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """Return the possible lengths of the block of metadata at the position `at`, whose first four bytes are given.
+    """Return the possible lengths of a block of metadata in bytes; an empty list if its header is damaged.
 
-    See HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII.
+    The block begins at the position `at` of the file, and `signature` contains its first four bytes, which tell the
+    kind of the block. Some kinds have a fixed length. The length of other kinds follows from numbers in the header of
+    the structure, or may have several values (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
     """
     match signature:
         case b"EAHD":

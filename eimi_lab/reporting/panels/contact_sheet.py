@@ -78,9 +78,10 @@ def shown_states(contents: DatasetContents) -> tuple[State, ...]:
 def _thumbnail(
     axes: Axes, contents: DatasetContents, state: State, crop: Crop, corner: tuple[float, float]
 ) -> list[Array]:
-    """Draw the frame of a state with width 1, and return the edges of the state in the units of the axes.
+    """Draw the frame of a state as a small picture of width 1, and return the edges of the state for this picture.
 
-    `corner` is the position (x, y) of the upper left corner. Each edge has the shape (n, 2): x and y of n points.
+    `corner` is the position (x, y) of the upper left corner in the axes. Each edge has the shape (n, 2): x and y of n
+    points in the axes.
     """
     x, y = corner
     size = (_THUMB_PX, max(1, round(_THUMB_PX * crop.height_over_width)))
