@@ -57,7 +57,10 @@ def measured_beam(axes: Axes) -> None:
 
 
 def what_is_fitted(axes: Axes) -> None:
-    """Draw one magnified edge, and the steps of the search: from the parameters of a law to the error of the law."""
+    """Draw how a law is fitted: one magnified edge with its measured points, and below it the steps of the search.
+
+    The thin lines between the measured points and the simulated edge are the distances of which the error consists.
+    """
     bare(axes, (0, 30), (-37, 8))
     x = np.linspace(1.5, 27, 60)
     simulated = -3 - 0.012 * (x - 1.5) ** 2

@@ -24,7 +24,10 @@ def fields(kind: type[Any]) -> str:
 
 
 def tables() -> dict[str, str]:
-    """Return the two tables of the page as Markdown, by the names of their places: "events" and "changes"."""
+    """Return two tables as Markdown: "events" with all events, and "changes" with the fields of a `ShapeChange`.
+
+    The keys are the names by which the page marks the places of the tables.
+    """
     rows = [f"| `{name}` | {fields(kind)} | {meaning(kind)} |" for name, kind in EVENTS.items()]
     change = f"| {fields(ShapeChange)} | {meaning(ShapeChange)} |"
     return {

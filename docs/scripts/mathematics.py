@@ -28,7 +28,7 @@ def on_config(config: Any) -> Any:
 
 
 def block(source: str, *_: object, **__: object) -> str:
-    """Return the HTML of a ``math`` block, whose lines together are one equation."""
+    """Return the HTML of a ``math`` block. All lines of the block are joined to one equation."""
     return f'<div class="math">{equation(" ".join(source.split()))}</div>'
 
 

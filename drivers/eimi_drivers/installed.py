@@ -33,12 +33,12 @@ class Drivers(MutableMapping[str, Driver], Generic[Driver]):
     kind : str
         The kind of instrument for messages: "supply", "camera" or "sensor".
     group : str
-        The group of entry points (`importlib.metadata`) in which other packages announce their drivers. A driver is
-        imported only when it is requested.
+        The name of the group of entry points (`importlib.metadata`) by which other packages announce their drivers. A
+        driver is imported only when it is requested.
     own : Mapping
         The drivers of this package by name.
     reserved : Collection of str
-        Names that no added driver can have, in addition to the names in `own`.
+        Further names that a program cannot use for an added driver. The names in `own` cannot be used either.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Driver], reserved: Collection[str] = ()) -> None:

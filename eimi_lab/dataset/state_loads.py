@@ -95,9 +95,9 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return the loads of each state (load step) of tracked points, by the number of the state.
+    """Return the loads in a table of states (load steps) for tracked points, by the number of the state.
 
-    The numbers come from the column ``state`` and are in increasing order.
+    The number of a state is in the column ``state``. The result is in the order of the numbers.
 
     Raises InputError if a row is wrong, or if two rows have the same number.
     """
@@ -111,10 +111,10 @@ def numbered_loads(rows: list[Row]) -> dict[int, Load]:
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError if no file gives the direction of the tip force in a state (load step).
+    """Raise InputError if the direction of a tip force is unknown.
 
-    By default a tip force has the direction of gravity. If the direction of gravity is unknown (``gravity_angle_deg``
-    is None), the table of states (``states``) must give the direction of each tip force.
+    A tip force without an angle in the table of states (``states``) has the direction of gravity. If the direction of
+    gravity is unknown too (``gravity_angle_deg`` is None), the table must give the angle.
     """
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:

@@ -1,10 +1,11 @@
-"""Store and read the times of set-points and of steps of the coil current in a dataset.
+"""Store and read the set-points that a run sent, and the steps of the current that began its ring-downs.
 
-    set_points         one row for each set-point that was sent: `time`, `current`, `uncertainty`
-    ring_down_steps    one row for each recorded free oscillation: the step of the current, number and rate of frames
+    set_points         one row for each set-point: `time`, `current`, `uncertainty` ring_down_steps    one row for each
+    recorded free oscillation: the step of the current, and how many frames were taken
 
-All times are on the clock of the run. A set-point takes effect after it is sent and before the supply answers. `time`
-is the middle of this interval, and `uncertainty` is the standard deviation of a uniform distribution over the interval.
+All times are on the clock of the run. The current changes at some moment between the sending of a set-point and the
+answer of the supply. `time` is the middle of this interval, and `uncertainty` is the standard deviation of a uniform
+distribution over the interval.
 """
 
 from __future__ import annotations

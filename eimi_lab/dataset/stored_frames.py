@@ -81,7 +81,7 @@ def each_image_of_state(path: Path, entry: h5py.Group, state_index: int) -> Iter
 
 
 def _damaged(path: Path, frames: h5py.Dataset, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
-    """Return an InputError whose message gives the numbers of the damaged frames of a state (load step).
+    """Find which frames of a state (load step) are damaged, and return an InputError whose message lists them.
 
     ``frames`` is the HDF5 array of all frames, and ``rows`` are the row numbers of the frames of the state in this
     array. ``error`` is the error that HDF5 raised.

@@ -251,7 +251,7 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
     if not runs:
         raise InputError(
             "the beam has a stable equilibrium at too few of the currents: set a lower current limit in the "
-            "protocol, or choose another mounting"
+            "protocol, or choose another specimen, direction of gravity or weight at the tip"
         )
     best, *others = sorted(runs, key=lambda run: run.expected, reverse=goal.rival is not None)
     return [_with_ring_down(goal, best, rig), *others]

@@ -49,10 +49,12 @@ def producer_files() -> tuple[Path, ...]:
 class GenTLCamera:
     """A camera that is controlled through a GenTL producer.
 
-    If the camera has a software trigger, and neither a frame rate nor a trigger input is set, every `grab` triggers an
-    exposure. Otherwise the camera exposes at its frame rate or at the signals on its trigger input. `grab` then returns
-    the frames in the order of their exposure. The package harvesters discards incomplete frames. `lost_frames` counts
-    the frame numbers that are missing for this reason.
+    There are two ways to expose. If the camera has a software trigger, and neither a frame rate nor a trigger input is
+    set, every `grab` triggers an exposure. Otherwise the camera exposes at its frame rate or at the signals on its
+    trigger input, and `grab` returns the frames in the order of their exposure.
+
+    The package harvesters discards incomplete frames, so that their numbers are missing. `lost_frames` counts the
+    missing numbers.
 
     Parameters
     ----------

@@ -134,9 +134,9 @@ class _Capture:
         return image, self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
 
     def _stamp(self) -> float:
-        """Return the time at which the Linux kernel received the frame, s on the clock of `time.monotonic`.
+        """Return the time at which the Linux kernel received the frame that was read last, s; 0 if it reports no time.
 
-        The result is 0 if the kernel reports no time.
+        The time is on the clock of `time.monotonic`.
         """
         if self._capture.getBackendName() != V4L2:
             return 0.0

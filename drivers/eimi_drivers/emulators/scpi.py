@@ -31,7 +31,7 @@ _WITHOUT_EFFECT = ("SYST:LOC", "SYST:REM", "SYST:RWL", "SYST:BEEP", "SYST:BEEP:S
 
 
 class Refused(Exception):
-    """Report that a message causes an error. The message of this exception is stored in the error queue."""
+    """The error that is raised for a message that the supply refuses. Its text is stored in the error queue."""
 
 
 class ScpiDialect:
@@ -50,10 +50,10 @@ class ScpiDialect:
     Attributes
     ----------
     questions : dict
-        The function that returns the answer to a query, by the header of the query in its short form in capitals.
+        Maps the header of each query, in short form and in capitals, to the function that returns the answer.
     commands : dict
-        The function that obeys a command, by the header of the command in its short form in capitals. The function
-        takes the argument of the command and returns whether the supply accepted the command.
+        Maps the header of each command, in short form and in capitals, to the function that obeys the command. The
+        function takes the argument of the command and returns whether the supply accepted the command.
     serial_line_begins_local : bool
         True if every message on a serial line is lost until the message ``SYST:REM`` or ``SYST:RWL`` arrives.
     reset_current_A : float

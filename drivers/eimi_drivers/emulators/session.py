@@ -50,8 +50,8 @@ class EmulatedSession:
     address : str
         The address in the rig file. The channel in this address is the channel that feeds the coil.
     announce : callable, optional
-        Takes two texts each time that the supply becomes reachable: the address of the supply and the address of its
-        coil for a virtual beam. By default both addresses are passed to `say`.
+        Called each time that the supply becomes reachable, with two texts: the address of the supply, and the address
+        at which a virtual beam reads the current of the coil. By default both addresses are passed to `say`.
     look : callable, optional
         A function that is called repeatedly while the supply is served. If it raises an error, the session ends.
     """

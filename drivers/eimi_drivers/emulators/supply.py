@@ -60,11 +60,11 @@ class CoilSupply:
     """Model of a supply that feeds a copper coil of resistance R and inductance L.
 
     The final current is I₁ = min(current set-point, voltage set-point / R) while the output is on, and I₁ = 0 while the
-    output is off. At a time t after a change from the current I₀, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where
-    τ = L/R is the time constant. The voltage is R I + L dI/dt. The model computes these values from the time of the
-    clock at each request. Measured values have normally distributed noise; the true current has no noise. Both
-    set-points are zero at the start. If the over-current protection is armed, it trips when the current reaches the
-    current set-point.
+    output is off. At a time t after a change from the current I₀, the current is I = I₁ + (I₀ - I₁) exp(-t/τ), where τ
+    = L/R is the time constant. The voltage is R I + L dI/dt. The model computes these values at each request, from the
+    time of the clock. Measured values have normally distributed noise; the true current has no noise. Both set-points
+    are zero at the start. An armed over-current protection switches the output off when the current reaches its
+    set-point.
 
     The final temperature of the coil above the room is `thermal_resistance_K_per_W` times R₀ I₁², where R₀ is the cold
     resistance. The temperature approaches this value exponentially with `thermal_time_constant_s`. R increases with the
@@ -234,9 +234,9 @@ class CoilSupply:
         return self._obey(tripped=False)
 
     def drift(self, to_A: float, rate_A_per_s: float = 1.0) -> None:
-        """Let the current rise to `to_A` (A) at the rate `rate_A_per_s` (A/s) while the output is on.
+        """Begin the fault that lets the current rise to `to_A` (A) at `rate_A_per_s` (A/s) while the output is on.
 
-        A rate of 0 ends the rise.
+        The rate 0 ends the fault.
         """
         self._drift_to_A, self._drift_A_per_s, self._drift_began_s = to_A, rate_A_per_s, self._clock.now()
 

@@ -57,7 +57,11 @@ def usb_serial_number(address: str) -> str:
 
 
 def serial_port(address: str) -> str:
-    """Return the name under which pyserial opens an address: a port, or a VISA resource of a serial port or socket."""
+    """Return an address in the form in which pyserial opens it.
+
+    A VISA resource of a serial port becomes the name of the port, and a VISA resource of a socket becomes a URL
+    ``socket://host:port``. Any other address is returned without its channel.
+    """
     place = split_address(address)[0].removeprefix("\\\\.\\")  # Windows prefix of COM10 and above; pyserial adds it
     if match := _VISA_SERIAL.fullmatch(place):
         return f"COM{match[1]}" if match[1].isdecimal() else match[1]
