@@ -86,9 +86,10 @@ class Places(Protocol):
         """
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,).
+        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        points_mm: coordinates (x, y) of the points, (n, 2). The straight strip is a straight beam of constant width,
+        which is mapped to the rest shape.
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:

@@ -113,10 +113,11 @@ class BandAssembly:
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Return the lower band of the assembled matrix of each of B candidate laws, shape (B, n, bandwidth + 1).
+        """Add the element matrices to the band matrix of the whole mesh, for each of B candidate laws.
 
-        The assembled matrix of a candidate has n rows. parts: the element matrices of consecutive groups of elements,
-        as `divided` returns them. The array of a group of e elements with d unknowns each has the shape (e, B, d, d).
+        Returns the lower bands of these matrices, shape (B, n, bandwidth + 1), for n unknowns. parts: the element
+        matrices of consecutive groups of elements, as `divided` returns them. The array of a group of e elements with d
+        unknowns each has the shape (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -132,9 +133,9 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the assembled vector of n unknowns for each of B candidate laws, shape (B, n).
+        """Add the element vectors to the vector of the whole mesh, and return it for each of B candidate laws, (B, n).
 
-        element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
+        There are n unknowns. element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
         """
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)

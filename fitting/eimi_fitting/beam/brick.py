@@ -198,8 +198,9 @@ def _determinant(F: Array) -> Array:
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
 
-    The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
-    geometric stiffness is computed with the predicted stress (6, E, B, q) at q Gauss points, see `beam.equilibrium`.
+    The pressure is kept constant; its elimination adds a further part. The 81 unknowns of an element are ordered
+    (component, node). The geometric stiffness is computed with the predicted stress (6, E, B, q) at q Gauss points, see
+    `beam.equilibrium`.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
@@ -249,11 +250,15 @@ def _parts(elements: int) -> list[slice]:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the predicted stress S + D : dE + J C^-1 dp after a linear step, (6, E, B, q) in MPa.
+    """Return the stress that a linear step predicts: the six components, shape (6, E, B, q), in MPa.
 
-    `Evaluation` defines S, D, J and C. The increment dE of the Green strain follows from the displacement ``step``
-    (E, B, 3, 27) in mm. The increment dp of the pressure follows from ``pressure_step`` (E, B, 4) in MPa. The mesh has
-    E elements with q Gauss points each, and the batch has B candidate laws.
+    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. A step changes the
+    displacements by ``step`` (E, B, 3, 27) in mm and the pressures by ``pressure_step`` (E, B, 4) in MPa. These changes
+    give the changes dE of the Green strain and dp of the pressure. The predicted stress is
+
+        S + D : dE + J C^-1 dp,
+
+    with the S, D, J and C of `Evaluation` before the step.
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

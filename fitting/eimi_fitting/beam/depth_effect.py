@@ -34,9 +34,10 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties of a candidate (a set of parameters of a law) that determine its depth effect.
+    """What determines the depth effect of a candidate law: candidates that agree in this have the same depth effect.
 
-    The depth effect is the shape of the solid model minus the shape of the planar model.
+    A candidate is a set of parameters of a law. The depth effect is the shape of the solid model minus the shape of the
+    planar model.
 
     Attributes
     ----------

@@ -268,8 +268,9 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
 
-    The derivative by the pressure is not included. The unknowns of an element are ordered (component, node). The
-    geometric stiffness is computed with the predicted stress (3, E, B, q) at q Gauss points, see `beam.equilibrium`.
+    The pressure is kept constant; its elimination adds a further part. The 18 unknowns of an element are ordered
+    (component, node). The geometric stiffness is computed with the predicted stress (3, E, B, q) at q Gauss points, see
+    `beam.equilibrium`.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy

@@ -242,9 +242,9 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Return a nodal array (B, N, d), for example displacements, by element: (E, B, d, n).
+        """Copy values at the nodes, for example displacements, to the elements: from (B, N, d) to (E, B, d, n).
 
-        There are B candidate laws and N nodes in d dimensions, and E elements with n nodes each.
+        Each of E elements gets the values at its n nodes. There are B candidate laws and N nodes in d dimensions.
         """
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)

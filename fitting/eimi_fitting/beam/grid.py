@@ -156,12 +156,11 @@ class Grid:
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points (x, y) of the straight strip, (n, 2) in mm, moves with the magnet, (n,).
+        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
-
-        A face of the magnet may have no silicone beyond it. Points outside the specimen beyond such a face move with
-        the magnet.
+        points_mm: coordinates (x, y) of the points, (n, 2). The straight strip is a straight beam of constant width,
+        which is mapped to the rest shape. If a face of the magnet is a face of the specimen, points outside the
+        specimen beyond this face also count as in the block.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
@@ -172,10 +171,10 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement at n points of the straight strip.
+        """Return the nine nodes of the element around each of n points, and their weights, (n, 9) each.
 
-        points_mm: coordinates x and y of the points in the straight strip (the beam before it is mapped to its rest
-        shape), (n, 2).
+        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: coordinates x
+        and y of the points in the straight strip (the beam before it is mapped to its rest shape), (n, 2).
 
         Raises
         ------
@@ -201,9 +200,10 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes (1, 9) that share a force at a point (x, y) of the straight strip, and their shares (1, 9).
+        """Return the nine nodes that share a force at a point (x, y), and their shares of the force, (1, 9) each.
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        point_mm: the point in the straight strip (a straight beam of constant width, which is mapped to the rest
+        shape).
         """
         return self.place(point_mm)
 

@@ -108,9 +108,10 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 9) and weights (n, 9) that interpolate the displacement of n material points.
+        """Return the nine nodes of the element around each of n material points, and their weights, (n, 9) each.
 
-        points_mm: positions (x, y) of the points at rest, shape (n, 2).
+        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: positions (x, y)
+        of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -155,7 +156,7 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points of the magnet for P candidate laws in K states, (P, K, n, 2) in mm.
+        """Return the positions of n points of the rigid magnet for P candidate laws in K states, (P, K, n, 2) in mm.
 
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
         """

@@ -402,9 +402,9 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return, for each of B candidate laws, whether the largest strain is not much larger than predicted, shape (B,).
+    """Return whether the largest strain is about as large as predicted, for each of B candidate laws, shape (B,).
 
-    A much larger strain is a sign of a folded corner of the mesh.
+    A much larger strain is a sign of a folded corner of the mesh. A smaller strain is accepted.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)

@@ -110,11 +110,10 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points of the straight strip moves with the magnet, shape (n,).
+        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
 
-        The straight strip is a straight beam of constant width and depth, which is mapped to the rest shape.
-
-        points_mm: positions (x, y, z) in mm, (n, 3), or (x, y), (n, 2), for points at mid-depth.
+        points_mm: positions (x, y, z) in mm, (n, 3), or (x, y), (n, 2), for points at mid-depth. The straight strip is
+        a straight beam of constant width and depth, which is mapped to the rest shape.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
@@ -123,10 +122,11 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return nodes (n, 27) and weights (n, 27) that interpolate the displacement at n points of the strip.
+        """Return the 27 nodes of the element around each of n points, and their weights, (n, 27) each.
 
-        points_mm: positions (x, y, z) of the points in the straight strip (the beam before it is mapped to its rest
-        shape), (n, 3). A point with z < 0 is replaced by its mirror image.
+        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: positions (x, y,
+        z) of the points in the straight strip (the beam before it is mapped to its rest shape), (n, 3). A point with z
+        < 0 is replaced by its mirror image.
 
         Raises
         ------
@@ -151,10 +151,10 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point (x, y), and the share of each node, (n, 27) each.
+        """Return the nodes that share a force at a point (x, y), and their shares of the force, (m, 27) each.
 
-        The force is distributed evenly in depth, over n points with the same x and y. Each row belongs to one of these
-        points, and has the nodes of the element around the point. point_mm: position (x, y) of the force in the
+        The force is spread evenly through the depth, over m points with the same x and y. A row has the 27 nodes of the
+        element around one of these points. All shares add up to 1. point_mm: position (x, y) of the force in the
         straight strip (the beam before it is mapped to its rest shape).
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2

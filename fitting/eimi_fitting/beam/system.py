@@ -88,7 +88,10 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Return the assembled forces (B, n) on n unknowns from element forces (E, B, d), for B candidate laws."""
+        """Add the forces on the elements to the forces on the n unknowns of the mesh, (B, n).
+
+        force: the forces on the d unknowns of each of E elements, for B candidate laws, (E, B, d).
+        """
         return self._assembly.vector(force)[:, : self.n]
 
     def solve(

@@ -53,7 +53,10 @@ def torsion_constant_mm4(width_mm: float, depth_mm: float) -> float:
 
 
 def weight_beyond_kg(specimen: Specimen, along_mm: Array) -> Array:
-    """Return the mass in kg of the part of a specimen beyond S distances from the clamp (mm), shape (S,)."""
+    """Return the mass in kg of the part of a specimen between the tip and each of S distances from the clamp, (S,).
+
+    along_mm: the S distances in mm, along the beam.
+    """
     area_mm2, density = specimen.width_mm * specimen.depth_mm, 1e-9 * specimen.density_kg_m3
     mass = density * area_mm2 * np.maximum(specimen.length_mm - along_mm, 0.0)
     if magnet := specimen.magnet:

@@ -262,10 +262,10 @@ class Vibration:
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the products of the mass matrix and each of m shapes, for B candidate laws.
+        """Return the mass matrix times each of m shapes, for B candidate laws.
 
-        The first result has the shape (m, B, n) for the n unknowns of the nodes, and the second the shape (m, B, 3) for
-        the rigid body (the magnet). For the arguments see `_local`.
+        The first result is for the n unknowns of the nodes, (m, B, n), and the second for the rigid body (the magnet),
+        (m, B, 3). For the arguments see `_local`.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape

@@ -155,9 +155,10 @@ def _misfit(
 
 
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return the derivatives of the residuals in the J coefficients ``about``, in mm/Pa, by finite differences.
+    """Return how the residuals change with each of the J coefficients of the law, in mm/Pa, shape (J, K, G, m).
 
-    The shape is (J, K, G, m) for G groups (edges, or x and y) of m points in K states.
+    The derivatives at the coefficients ``about`` are finite differences. There are G groups (edges, or x and y) of m
+    points in K states.
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]

@@ -48,12 +48,11 @@ class Rows:
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the non-negative coefficients of J terms in Pa, (J,), and the amplitudes of q nuisances, (q,).
+        """Return the non-negative coefficients of all J terms in Pa, (J,), and the amplitudes of q nuisances, (q,).
 
-        An amplitude is the size of a nuisance (an error of an input or of the modulus) in standard uncertainties.
-
-        The coefficients and amplitudes minimise |residuals|^2 + |amplitudes|^2. Each amplitude is the difference of two
-        non-negative numbers, because the solver accepts only non-negative unknowns.
+        An amplitude is the size of a nuisance (an error of an input or of the modulus) in standard uncertainties. The
+        sum |residuals|^2 + |amplitudes|^2 is minimised. The solver accepts only non-negative unknowns; each amplitude
+        is therefore the difference of two of them.
         """
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])

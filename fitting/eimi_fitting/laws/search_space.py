@@ -73,11 +73,11 @@ class SearchSpace:
         return np.asarray(self._shear_modulus(x) * 10.0 ** x[:, -1])
 
     def _shear_modulus(self, x: Array) -> Array:
-        """Return the initial shear moduli mu of P candidate laws, (P,) in Pa, from their coordinates x.
+        """Return the initial shear modulus mu in Pa of each of P candidate laws, (P,).
 
-        x has the m physical coordinates of each candidate (the quantities in ``names``), (P, m). The first coordinate
-        is mu itself. If the bulk modulus K is a coordinate, the first coordinate is a quarter of E / (1 - nu^2), and mu
-        is computed from this quarter and K/mu (see the module).
+        ``x`` has the m physical coordinates of each candidate (the quantities in ``names``), (P, m). The first
+        coordinate is mu, unless the bulk modulus K is a coordinate. Then the first coordinate is a quarter of E / (1 -
+        nu^2), from which mu is computed with K/mu (see the module).
         """
         if not self.has_bulk:
             return x[:, 0]
@@ -96,7 +96,10 @@ class SearchSpace:
         return x
 
     def parameters(self, unit: Array) -> Array:
-        """Return the n parameters of the law, (P, n), at P points with m coordinates from 0 to 1, (P, m)."""
+        """Return the parameters of the law at P points of the unit cube, (P, n).
+
+        ``unit`` has the m coordinates of each point, from 0 to 1, (P, m). The law has n parameters.
+        """
         x = self.physical(unit)
         coordinates_of_law = len(self.law.coordinates)
         return self.law.from_coordinates(np.column_stack([self._shear_modulus(x), x[:, 1:coordinates_of_law]]))

@@ -122,10 +122,9 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return, for each of P candidate laws, whether all scanned deformations at one level are stable, (P,).
+    """Return whether all scanned deformations with a given largest stretch are stable, for each of P laws, (P,).
 
-    All deformations of a level have the same largest principal stretch. largest: the logarithm of this stretch for each
-    candidate, (P,).
+    largest: the logarithm of this stretch for each candidate law, (P,).
     """
     share = np.linspace(-0.5, 1.0, _SHARES)
     level = np.broadcast_to(largest[:, None], (len(largest), _SHARES))

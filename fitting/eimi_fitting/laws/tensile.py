@@ -299,10 +299,10 @@ def _with_intervals(
 
 
 def _columns(law: Law, strain: Array, weight: Array) -> Array:
-    """Return the weighted engineering stress of a linear law for n unit vectors of its parameters, (m, n).
+    """Return the weighted stress that each of the n parameters of a linear law alone causes, (m, n).
 
-    Column j of the result is the stress for parameter j = 1 and all other parameters 0. strain, weight: engineering
-    strains and weights of the m rows of the curve, (m,).
+    The stress of the law is linear in its parameters. Column j of the result is the engineering stress for parameter j
+    = 1 and all other parameters 0. strain, weight: engineering strains and weights of the m rows of the curve, (m,).
     """
     return weight[:, None] * engineering_stress(law, np.eye(len(law.parameter_names)), strain).T
 

@@ -297,9 +297,9 @@ def _lasting(values: Array, size: int) -> Array:
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Return n evenly spaced times (n,) in s, and the r reduced signals interpolated at these times, (n, r).
+    """Interpolate the reduced signals at n evenly spaced times; return the times in s, (n,), and the signals, (n, r).
 
-    The reduced signals are the few independent signals whose linear combinations give the motion of all points of the
+    The r reduced signals are the few independent signals whose linear combinations give the motion of all points of the
     beam (`Signals.reduced`).
     """
     time = signals.time_s
@@ -309,9 +309,10 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return n times in s, (n,), and the largest amplitude of all coordinates of points at these times in mm, (n,).
+    """Return how the amplitude of a vibration changes with time: n times in s, (n,), and amplitudes in mm, (n,).
 
-    The amplitude is computed from the signals in a band around the frequency in Hz.
+    The vibration has a given frequency in Hz; only a band of frequencies around it counts. The amplitude is that of the
+    coordinate of a point that moves most at this time.
     """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T

@@ -113,11 +113,9 @@ class Problem:
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return the k residuals of the recordings and static states, then the m residuals of the priors, (P, k + m).
+        """Return all residuals of the fit for P candidate laws, (P, k + m): k of the data, then m of the priors.
 
-        There are P candidate laws.
-
-        unknowns: the m unknowns of each candidate, (P, m).
+        The data are the recordings and the static states. unknowns: the m unknowns of each candidate, (P, m).
         """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 

@@ -124,9 +124,9 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return D polynomials along each edge that are orthonormal over the points with True in ``is_used``.
+    """Return D polynomials along each edge, which are orthonormal over its used points, (K, G, m, D).
 
-    The shape is (K, G, m, D) for G edges of m points in K states.
+    There are K states, G edges and m points. ``is_used`` (K, G, m) is True for the used points.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)

@@ -79,9 +79,10 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """Standardised residuals of m rows of tensile curves, f freed inputs and q priors, shape (P, m + f + q).
+        """The residuals of all evidence except the edges, each divided by its standard deviation, for P candidates.
 
-        There are P candidates. The fit determines a freed input together with the law.
+        The shape is (P, m + f + q): m rows of tensile curves, f freed inputs (which the fit determines together with
+        the law), and q priors on the law's parameters.
         """
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 

@@ -402,11 +402,11 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with deviations of its dimensions and materials from their stated values.
+    """Return the specimen with given deviations of its dimensions and materials from their stated values.
 
-    A deviation has the shape (parts,); the parts of an input are its numbers, such as the x and y components.
-
-    The point of a tip force keeps its position relative to length and width, so that it stays on the specimen.
+    The keys of ``deviations`` are keys of `SOURCES`. A value has one number for each part of the input, such as x and
+    y, shape (parts,). The point of a tip force keeps its position relative to length and width, so that it stays on the
+    specimen.
     """
     specimen = before
     for key, deviation in deviations.items():
@@ -420,9 +420,10 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with deviations of gravity and field from their stated values, each of shape (parts,).
+    """Return the loads with given deviations of gravity and field from their stated values.
 
-    The parts of an input are its numbers, such as the x and y components.
+    The keys of ``deviations`` are keys of `SOURCES`. A value has one number for each part of the input, such as the x
+    and y components, shape (parts,).
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
@@ -431,9 +432,10 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with deviations of stand-off and tilt from their stated values, each (parts,).
+    """Return the view of the lens with given deviations of stand-off and tilt from their stated values.
 
-    The stand-off is the distance of the lens from the beam. The parts of an input are its numbers.
+    The stand-off is the distance of the lens from the beam. The keys of ``deviations`` are keys of `SOURCES`. A value
+    has one number for each part of the input, shape (parts,).
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:

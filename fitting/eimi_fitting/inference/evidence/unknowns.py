@@ -342,9 +342,10 @@ class Unknowns:
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return all n unit coordinates (0 to 1) of P candidates, (P, n); missing nuisances get their stated values.
+        """Return all n unit coordinates (0 to 1) of P candidates, (P, n), also if only the searched ones are given.
 
         ``unit`` has the shape (P, n), or (P, `searched`) without the coordinates of the nuisances (uncertain inputs).
+        The missing coordinates are those of the stated values, 1/2.
         """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
@@ -362,11 +363,11 @@ class Unknowns:
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of f freed inputs divided by their prior standard deviations, (P, f), for P candidates.
+        """Return the residuals of the priors of the f freed inputs, (P, f), for P candidates.
 
-        The fit determines a freed input together with the law.
-
-        ``unit`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
+        A freed input is an uncertain input that the fit determines together with the law. Its residual is its deviation
+        from the stated value, divided by the standard deviation of its prior. ``unit`` has the n unit coordinates (0 to
+        1) of each candidate, shape (P, n).
         """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 

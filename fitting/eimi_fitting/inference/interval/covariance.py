@@ -175,7 +175,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The inverse covariance of the n unknowns that the priors on the law's parameters give, shape (n, n)."""
+        """What the priors on the law's parameters contribute to the Hessian in n unknowns, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property

@@ -61,9 +61,10 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit of this law, and the unit coordinates (n,) of its n parameters, from 0 to 1.
+        """Return the unknowns of a later fit of this law, and the values of the law as their unit coordinates (n,).
 
-        The bounds of the modulus are 1.5 decades below and above the modulus of the earlier fit.
+        The unit coordinates are between 0 and 1. The bounds of the modulus are 1.5 decades below and above the modulus
+        of the earlier fit.
         """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
@@ -162,9 +163,10 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the goal quantity, (D,), for D choices of K states by index, (D, K).
+        """Return the variance of the goal quantity after a measurement, divided by the square of the quantity, (D,).
 
-        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
+        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow. ``choices`` has D
+        choices of K states; each row has the indices of the states, (D, K).
         """
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]

@@ -31,9 +31,9 @@ class Criterion(Protocol):
         """Return the number of states that could be measured."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the value of the criterion for D choices of K states, shape (D,).
+        """Return the number to be minimised for each of D choices of K states, shape (D,).
 
-        ``choices`` has the indices of the K states in each row, shape (D, K).
+        Each row of ``choices`` has the indices of the states of one choice, shape (D, K).
         """
 
 

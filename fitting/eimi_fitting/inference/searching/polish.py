@@ -177,10 +177,10 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return the damped Gauss-Newton step (n,) from ``unit`` (n,) to a point within the unit cube.
+    """Return a damped Gauss-Newton step (n,) that leads from ``unit`` (n,) to a point within the unit cube.
 
-    ``here`` has the residuals of the candidates of `difference_batch`, and ``distance`` (n,) their distances.
-    ``damping`` is added to the diagonal of the Hessian.
+    ``here`` has the residuals of the candidates of `difference_batch` about ``unit``, and ``distance`` (n,) their
+    distances, so that the slopes can be computed. ``damping`` is added to the diagonal of the Hessian.
     """
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
