@@ -35,9 +35,9 @@ TOLERANCE_MM = 1e-2  # tolerance of the simulated shapes, as in a fit
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return `size` sets of the n parameters of a law, shape (size, n).
+    """Return `size` sets of the n parameters of the law `name`, shape (size, n), to be solved as candidates.
 
-    The parameters are example parameters, whose moduli are varied by about a third.
+    They are the example parameters of the law, with moduli that differ by about a third.
     """
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])

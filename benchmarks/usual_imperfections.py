@@ -83,10 +83,10 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean interval of each group of experiments, from the fits that were made in full (like `eimi fit`).
+    """Return the mean relative interval of each group of experiments, from the full fits (made as by `eimi fit`).
 
-    The key of a group is the result of `kind`: the dimensions of the beam and the noise. Its mean interval consists of
-    two numbers: the means of ln(lower end / identified modulus) and of ln(upper end / identified modulus).
+    The key of a group is the result of `kind`: the dimensions of the beam and the noise. The value has the mean of
+    ln(lower end / identified modulus) and the mean of ln(upper end / identified modulus) over the fits of the group.
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:

@@ -129,7 +129,7 @@ class Term:
 
 @dataclass(frozen=True)
 class _Invariants(InvariantEnergy):
-    """The sum of those terms of a strain energy that are functions of the invariants, without the Ogden terms."""
+    """The part of the strain energy that depends on I1 and I2: the sum of all terms except the Ogden terms."""
 
     terms: tuple[Term, ...]
     needs_second = True
