@@ -117,7 +117,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that called the coil off too early, while its true current was still above a limit.
+    """Return the messages that reported the coil as off too early, while its true current was above a limit.
 
     Below the limit, the coil counts as off. A message may state the limit. For a message without a limit, the limit of
     the last message that stated one is used, and before any such message `OFF_A`, the smallest limit of all families of

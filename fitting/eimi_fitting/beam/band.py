@@ -36,7 +36,7 @@ def _most(run: Indices) -> int:
 
 
 class BandAssembly:
-    """Adds the matrices of all elements to the band matrix of the whole mesh.
+    """The assembly of the element matrices into the band matrix of the whole mesh.
 
     For every entry of an element matrix, the position in the lower band of the assembled matrix is computed once, when
     the object is created.

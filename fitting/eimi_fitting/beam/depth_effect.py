@@ -34,7 +34,7 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """What determines the depth effect of a candidate law: candidates that agree in this have the same depth effect.
+    """The properties of a candidate law that determine its depth effect.
 
     A candidate is a set of parameters of a law. The depth effect is the shape of the solid model minus the shape of the
     planar model.

@@ -306,7 +306,8 @@ def _with_intervals(
     The intervals come from the linearised stress. The unknowns are the exponents alpha_p and the contributions mu_p
     alpha_p / 2 to the initial shear modulus. The bounds of an exponent (``ranges``) are a normal prior with the
     variance of a uniform distribution between them. The data do not determine the exponent of a term whose contribution
-    is zero. The interval of its modulus goes from zero to the largest modulus that the noise could hide.
+    is zero. The interval of its modulus then goes from zero to the largest modulus that could not be detected in the
+    noise.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

@@ -64,7 +64,7 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """What the states of this experiment contribute to the information A of the data, shape (n, n).
+        """The contribution of this experiment to the information A of the data, shape (n, n).
 
         It is the sum over the states k of w_k J_k' J_k, with the weights w_k and the derivatives J_k of the residuals
         in n unknowns.
@@ -72,7 +72,7 @@ class LinearStates:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return what given residuals contribute to the gradient of minus the log-likelihood in n unknowns, shape (n,).
+        """Return the contribution of residuals to the gradient of minus the log-likelihood in n unknowns, shape (n,).
 
         It is the sum over the states k of w_k J_k' r_k, with the weights w_k, the derivatives J_k and the residuals
         r_k. ``residuals`` has the shape (K, G, m), in mm, for G groups (edges, or x and y) of m points in K states.
@@ -175,7 +175,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """What the priors on the law's parameters contribute to the Hessian in n unknowns, shape (n, n)."""
+        """The contribution of the priors on the law's parameters to the Hessian in n unknowns, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property

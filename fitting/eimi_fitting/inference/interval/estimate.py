@@ -238,10 +238,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
         that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus. An error of the beam model can hide in the other unknowns, and the bound of the
-        modulus in ``model_errors``, a, is then too small. Let b be the bound of the modulus if the other unknowns are
-        fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or 0 if a > b, so that
-        both together give b.
+        A further bound for the modulus. The other unknowns may absorb a part of an error of the beam model, and the
+        bound of the modulus in ``model_errors``, a, is then too small. Let b be the bound of the modulus if the other
+        unknowns are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or 0 if a
+        > b, so that both together give b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
