@@ -10,16 +10,16 @@ motion is that of the rod of the virtual rig (`tests.shared.creeping_rod`), whic
 
 Six simplifications make hundreds of draws affordable. With --whole, none of the last three is made.
 
-- The creep of the rod is integrated without inertia, and its vibration is computed from tangents and added. For one
-  material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which integrates the motion
-  in time.
+- The creep of the rod is computed without inertia. Its vibration is computed separately, from the tangent stiffness,
+  and added. For one material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which
+  computes the whole motion in time.
 - The stiffness of the rod is computed by a solid model for the nominal dimensions and with each dimension changed by
   1 %. The stiffness for other dimensions follows linearly in the logarithms.
 - The tables of frequencies and the curves of the loads are computed at a few moduli, `TABLE_STEP` apart in the
   logarithm, and used for all draws whose modulus is nearest to them. A fit computes them at its own modulus.
 - The recordings are reduced: frequency and loss of the vibration are those of the rod, with noise, and the positions
   show the creep alone.
-- Only two terms are fitted. In place of the best candidates of a global search, the polish starts at the hidden law.
+- Only two terms are fitted. There is no global search; the least-squares fit starts at the hidden law.
 - The additional fit without a prior on the magnetic moment is left out, and so are the random draws from which a fit
   computes the intervals from noise alone.
 
@@ -105,11 +105,9 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 
 
 def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
-    """Return the two stiffnesses of the rod for the nominal dimensions, and how they change with the dimensions.
+    """Return the logarithms of the rod's two stiffnesses (of bending and of the hinge), (2,), and their derivatives.
 
-    The stiffnesses are the bending stiffness and the stiffness of the hinge at the magnet. The first result has their
-    logarithms, (2,). The second result has the derivatives of these logarithms by the logarithms of width, depth and
-    length, (3, 2).
+    The derivatives are those with respect to the logarithms of width, depth and length, and have the shape (3, 2).
     """
 
     def logs(specimen: Specimen) -> np.ndarray:

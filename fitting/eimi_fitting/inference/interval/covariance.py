@@ -1,23 +1,24 @@
 """Linearise the evidence of a fit (edges, tensile curves, priors) about its optimum, and compute the covariance there.
 
-State k has N_k points and residuals r_k with the root mean square e_k. J_k = dr_k/dx are the slopes of the residuals in
-the unknowns x. With K states, the mean e of the errors e_k, and N independent points
-(`inference.evidence.objective`), the weight of the state is
+State k has N_k points. Its residuals r_k have the root mean square e_k and the derivatives (slopes) J_k = dr_k/dx in
+the unknowns x. K is the number of states, e the mean of the errors e_k, and N the number of independent points
+(`inference.evidence.objective`). In the likelihood, the squared residuals of state k have the weight
 
     w_k = N / (K e N_k e_k).
 
-The data have the information A and the variance B of the score (the gradient of minus the log-likelihood):
+Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). The data have
+the information A, and the score (the gradient of minus the log-likelihood) has the variance B:
 
     A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k.
 
-With the inverse variance P of the priors, the covariance of the optimum is
+Tensile curves with the standardised residuals z add dz/dx' dz/dx to A. With the inverse variance P of the priors, the
+covariance of the optimum is
 
     C = inv(A + P) (B + P) inv(A + P).
 
-Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). Tensile curves
-with the standardised residuals z add dz/dx' dz/dx to A. C is the sandwich covariance of an estimator whose weights
-differ from the inverse variance of the noise (Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica
-50:1). If all states are equally noisy, A equals B.
+This form is needed because the weights of the states differ from the inverse variance of their noise (sandwich
+covariance: Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all states are equally noisy,
+A equals B and C is inv(A + P).
 """
 
 from __future__ import annotations

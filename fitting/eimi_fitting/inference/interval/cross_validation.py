@@ -13,13 +13,12 @@ Array = NDArray[np.float64]
 
 
 def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Return the mean error of states that were omitted from the fit, by cross-validation.
+    """Return the mean error that a fit has in states which it did not use, by cross-validation.
 
-    The error of a state is its root mean square residual.
-
-    Fold f contains the states f, f + folds, f + 2 folds and so on. Each fold is omitted in turn (Hastie, Tibshirani and
-    Friedman 2009, The Elements of Statistical Learning, section 7.10). Let J_k be the slopes, r_k the residuals and w_k
-    the weights of the states k of a fold, and H the Hessian of all states. One Gauss-Newton step for the other states,
+    The error of a state is its root mean square residual. The states are divided into folds. Fold f contains the states
+    f, f + folds, f + 2 folds and so on. Each fold is omitted in turn (Hastie, Tibshirani and Friedman 2009, The
+    Elements of Statistical Learning, section 7.10). Let J_k be the slopes, r_k the residuals and w_k the weights of the
+    states k of a fold, and H the Hessian of all states. One Gauss-Newton step for the other states,
 
         dx = inv(H - sum_k w_k J_k' J_k) sum_k w_k J_k' r_k,
 
