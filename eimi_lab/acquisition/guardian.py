@@ -60,8 +60,8 @@ class Ward:
     `driver`, `address` and the limits `current_A` and `voltage_V` come from the rig file. `off_below_A` is the current
     below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's program
     added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
-    the supply that the run uses; None until the run has read both. `recognised` is true if the run switched the output
-    off and still measured a current. Otherwise the guardian takes a supply without a serial number for the supply of
+    the supply that the run uses; None until the run has read both. `recognised` is true if a current still flowed after
+    the run had switched the output off. Otherwise the guardian takes a supply without a serial number for the supply of
     the coil only if it finds the output on or measures a current.
     """
 
@@ -150,10 +150,11 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Report to the guardian process that the run switched the output off and still measured a current.
+        """Report to the guardian process that a current still flows although the run has switched the output off.
 
-        The guardian, which switches the coil off if the run dies, then accepts this supply as the supply of the coil,
-        although the output is already off.
+        After the death of a run, the guardian switches off only a supply that it recognises as the supply of the coil.
+        It usually recognises this supply by an output that is on. After this report, an output that is off is no
+        reason to take the supply for another one.
         """
         self._send(RECOGNISED)
 

@@ -46,9 +46,10 @@ class ReportPanel(_Panel):
     after_datasets : bool
         Whether the panel follows the sections of the datasets; otherwise it precedes these sections.
     of_fits : bool
-        Whether the panel needs only the fits, so that it can be drawn while the datasets are simulated.
+        Whether the panel needs only the results of the fits. Such a panel is drawn first, while other panels wait for
+        the simulation of each dataset with the fitted laws.
     of_intervals : bool
-        Whether the panel needs the intervals of the errors, which are computed last.
+        Whether the panel needs the 95 % intervals of the mean error of each law, which are computed last.
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]

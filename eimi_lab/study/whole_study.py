@@ -65,13 +65,15 @@ class Findings:
         y.
     bending : dict of list
         Fits to the bending of a specimen of type 1, one for each law, by material and section assumption (model of the
-        cross-section: in plane strain or as a solid).
+        cross-section: in plane strain or as a solid). Types 1 to 4 are specimens of different
+        dimensions.
     tensile : dict of list
         Fits to tensile curves, by material.
     errors : dict of list
         Errors of each identified law, by material, section assumption and type of specimen.
     answers : dict of list
-        Answers to the open questions, by name; empty if the open questions were not part of the study.
+        Answers to the questions that the paper leaves open, such as whether bending determines the compressibility, by
+        name of the question; empty if these questions were not part of the study.
     """
 
     inputs: StudyInputs

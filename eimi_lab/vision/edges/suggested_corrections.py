@@ -113,7 +113,11 @@ def suggest_correction(
 
 
 def _is_clear(followed: FollowedBeam) -> bool:
-    """Return whether the search followed a clear body with about the length and width in the specimen file."""
+    """Return whether the body that the search followed is probably the beam, although its edges are unusable.
+
+    Its edges must stand out from the surroundings, its length and width must be about those in the specimen file, and
+    it must pass the clicked points. The values of the calibration are then right, and no other value is suggested.
+    """
     findings = followed.findings
     return (
         findings.get("followed_beyond", 0.0) >= _FULL_LENGTH

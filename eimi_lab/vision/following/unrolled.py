@@ -96,7 +96,7 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of stations (places) along the beam in one nominal width."""
+        """Number of stations (sampled places along the beam) on a length equal to the nominal width of the beam."""
         return 1.0 / _ALONG
 
 
