@@ -61,14 +61,15 @@ class SearchEnd:
     effects : tuple of Effect
         The change of the optimum by each correction.
     max_stretch : float
-        Largest stretch of the optimum, computed on the planar meshes of the experiments.
+        Largest stretch of the beam in any state at the optimum, computed with planar models on the meshes of the
+        experiments.
     polish : Polish
         Improvement of the best candidate by the first run of Gauss-Newton.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence (edges, tensile curves, other priors),
-        in standard deviations (`Linearisation.prior_distances`).
+        For each prior on a parameter of the law, the difference between the prior and the value that the other evidence
+        (edges, tensile curves, other priors) gives, in standard deviations of this difference.
     not_considered : tuple of str
         One sentence for each source of uncertainty that the intervals do not contain.
     """
@@ -130,11 +131,12 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return a candidate near the unstable candidate ``unit`` (n,) that has a stable equilibrium in all states.
+    """Return a candidate near ``unit`` (n,) that has a stable equilibrium in all states, if ``unit`` itself has none.
 
-    The search uses a coarse mesh. The finer mesh of ``problem`` has larger stretches, at which a law that softens may
-    be unstable. The returned candidate has the same modulus, and its other coordinates are moved toward the middle of
-    their bounds until the law is stable. If this does not help, ``unit`` is returned.
+    A candidate has n unknowns in unit coordinates (0 to 1). The search found ``unit`` on a coarse mesh. The finer mesh
+    of ``problem`` has larger stretches, at which a law that softens may be unstable. The first coordinate, which gives
+    the modulus, is kept. The other coordinates are moved toward 1/2 in four steps, until the law is stable. If no step
+    helps, ``unit`` is returned.
     """
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]
@@ -148,11 +150,14 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a problem with n unknowns, computed by Gauss-Newton from the candidate ``unit`` (n,).
+    """Return the optimum of a fit with n unknowns, computed by Gauss-Newton from the candidate ``unit`` (n,).
 
     If there is other evidence than edges, its weight depends on N, the number of independent edge points. N follows
-    from the residuals at the optimum, which are not yet known. Gauss-Newton is therefore made with an estimate of N,
-    and repeated with N from its result if N has changed by more than a factor of e^0.3.
+    from the residuals at the optimum, which are not yet known. Gauss-Newton is therefore run with an estimate of N, and
+    a second time if the N of its result differs from the estimate by more than a factor of e^0.3.
+
+    If the edges are the only evidence, ``start`` may give an earlier evaluation of ``unit``, and Gauss-Newton stops
+    after a step that lowers the objective by less than the share ``enough``.
     """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
@@ -180,8 +185,8 @@ def _with_finer_meshes(
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the change of the optimum by the second step (empty if it failed), and the
-        largest stretch (1,) on the meshes of ``problem``.
+        The corrected problem, its optimum, the change of the optimum by the second step (empty if it failed), and
+        the largest stretch of the beam in any state, (1,), on the meshes of ``problem``.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -227,17 +232,18 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals to the residuals of the three-dimensional beam model, repeatedly at each new optimum.
+    """Correct the residuals of the planar model by a three-dimensional beam model, in up to three passes.
 
-    The repetition ends when a correction changes the modulus by less than 0.05 %, and after three corrections at the
-    latest. The second or third correction is rejected if it raises the objective by more than 1 %. The change of the
-    modulus by the last correction remains uncertain.
+    A pass adds the difference between the residuals of the two models to the residuals of the planar model, and
+    computes the optimum again. The difference is computed at the optimum of the pass before. The passes end if the
+    modulus has changed by less than 0.05 %. The second or third pass is rejected if it raises the objective by more
+    than 1 %. The change of the modulus in the last pass counts as an error that remains.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, and a list with the change of the optimum. If the three-dimensional model
-        finds no equilibrium, the problem is unchanged and the list is empty.
+        The corrected problem, its optimum, and a list with the change of the optimum by all passes. If the
+        three-dimensional model finds no equilibrium, the problem is unchanged and the list is empty.
     """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
@@ -287,8 +293,8 @@ def _alone(
 ) -> Comparison:
     """Simulate one candidate alone, and return the comparison with the measurements of the experiments.
 
-    If several candidates are simulated together, their rounding errors are different. For the small differences between
-    two beam models this matters. ``unit`` has the n unit coordinates (0 to 1) of the candidate. The solver starts from
-    the shapes ``near``, which an earlier call with ``keep`` returned in its comparison.
+    The differences between two beam models are small. A simulation of several candidates together has other rounding
+    errors, which would disturb these differences. ``unit`` has the n unit coordinates (0 to 1) of the candidate. If
+    ``keep`` is true, the comparison keeps the full solution, so that a later call can start from its shapes (``near``).
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

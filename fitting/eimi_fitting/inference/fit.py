@@ -88,8 +88,8 @@ class Fit(IdentifiedLaw):
     curve_rmse_Pa : tuple of float
         Root mean square residual of each tensile curve for the law of this fit, in Pa.
     prior_distances : tuple of float
-        Distance of each prior on a parameter of the law from the other evidence (edges, tensile curves, other priors),
-        in standard deviations (`Linearisation.prior_distances`).
+        For each prior on a parameter of the law, the difference between the prior and the value that the other evidence
+        (edges, tensile curves, other priors) gives, in standard deviations of this difference.
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float

@@ -27,8 +27,9 @@ def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
     """Return the experiments as the search uses them: with a coarse mesh and with fewer points of each edge.
 
-    The mesh is the default mesh of `BeamModel`. About `POINTS_OF_EDGE` points of each edge remain, but not fewer. An
-    edge that has fewer keeps all of them.
+    The mesh is the default mesh of `BeamModel`. If the longest edge has 50 points or more, it keeps at least 25 of them
+    (`POINTS_OF_EDGE`), which are equally spaced. The other edges are reduced by the same factor. If the longest edge
+    has fewer than 50 points, all points are kept.
     """
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 

@@ -21,9 +21,10 @@ solid, the clamp and the magnet restrain the cross-section, and the cross-sectio
 the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
 per cent and the edges by tens of micrometres, which no planar model reproduces. The change of the residuals is much
 larger than the noise. It is therefore computed again at each new optimum, until the modulus hardly changes. The
-correction for a finer planar mesh is not added, because the singularity at the corner of the clamp is another one in
-the solid: there the clamp restrains the cross-section, and in plane stress it does not. The mesh of the solid is fine
-enough: the moduli from solids of 20 x 2 and of 36 x 4 elements differ by less than 0.1 %.
+correction for a finer planar mesh is not added. It corrects the error at the singular corner of the clamp in plane
+stress, where the clamp does not restrain the cross-section. In the solid the clamp restrains the cross-section, so that
+the singularity is different. The mesh of the solid is fine enough: the moduli from solids of 20 x 2 and of 36 x 4
+elements differ by less than 0.1 %.
 """
 
 from __future__ import annotations
@@ -262,15 +263,27 @@ def by_better_model(
 ) -> tuple[Misfit, Array, Correction | None] | None:
     """Simulate a candidate with a better model of one experiment: a finer mesh or a three-dimensional model.
 
-    `correction` describes the parameters.
+    Parameters
+    ----------
+    experiment : Experiment
+        The experiment.
+    here : Comparison
+        Comparison of the candidate on the model of the experiment. Further candidates of this comparison are ignored.
+    compare : callable
+        Takes experiments and returns the comparison of the candidate with these experiments.
+    near : sequence of Correction
+        Corrections of similar candidates. The solver of a three-dimensional model starts from their displacements.
+    options : SolidOptions, optional
+        Options of the solver of a three-dimensional model.
 
     Returns
     -------
     tuple or None
-        The misfit (residuals) of the better model, the edges of the beam, and the correction. The edges have the shape
-        (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh finds
-        no equilibrium, misfit and edges belong to the mesh of the experiment and the correction is None. The result is
-        None if the planar or the three-dimensional model finds no equilibrium.
+        Three elements: the residuals of the better model, the edges of the beam, and the correction. The edges have the
+        shape (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh
+        of a planar section finds no equilibrium, residuals and edges belong to the mesh of the experiment, and the
+        third element is None. None replaces the tuple if the model of the experiment or a three-dimensional model finds
+        no equilibrium.
     """
     if here.unconverged[0]:
         return None

@@ -52,9 +52,9 @@ class Experiment:
     stated : tuple of StatedSource
         The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
-        Measured deviations of the specimen in ``model`` from the stated specimen. Each key is a source (a key of
-        `SOURCES`). Each value has one number for each part of this source, in the unit of the source. The source
-        "taper" has one more number: the width at both ends minus the width in the middle, in mm.
+        Deviations of the specimen from its stated values that were measured, and that ``model`` already contains. Each
+        key is a source (a key of `SOURCES`). Each value has one number for each part of this source, in the unit of the
+        source. The source "taper" has one more number: the width at both ends minus the width in the middle, in mm.
 
     Examples
     --------
@@ -351,7 +351,11 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the simulated shapes of all candidates; candidates that differ only in the picture are solved once."""
+    """Return the simulated shapes of all candidates.
+
+    Candidates with the same law and the same field have the same shape, even if they assume different positions of the
+    camera. Only one of them is solved.
+    """
     solved = row = np.arange(len(parameters))
     if setup is not None:
         bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa

@@ -51,9 +51,10 @@ __all__ = [
 def signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances of points from curves that are continued straight beyond their ends.
 
-    A curve is continued at each end by a twentieth of its length. The distance of a point is computed in two steps. The
-    nearest of four points on each segment gives the segment. Three steps of Newton's method then find the place on the
-    parabola of this segment at which the vector to the point is perpendicular to the curve.
+    A curve is continued at each end by a twentieth of its length. The distance of a point is computed in two steps.
+    First, the curve is sampled with four places on each segment, and the place nearest to the point gives the segment.
+    Then three steps of Newton's method find the place on the parabola of this segment at which the vector to the point
+    is perpendicular to the curve.
 
     Parameters
     ----------

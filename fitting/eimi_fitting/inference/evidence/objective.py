@@ -48,7 +48,7 @@ class Evaluation:
     comparison : Comparison
         Comparison with the measured edges and points.
     curves : ndarray, shape (P, m)
-        Standardised residuals of the m rows of the tensile curves.
+        Standardised residuals of the tensile curves, which have m rows (pairs of strain and stress) together.
     priors : ndarray, shape (P, f)
         Deviations of the f freed nuisances (inputs that the fit determines) from their stated values, in standard
         deviations of their priors.
@@ -116,13 +116,13 @@ class Evaluation:
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Residuals for least squares: one `Misfit` for each experiment, and one for all standardised residuals z.
+        """Residuals in mm for least squares: one `Misfit` for each experiment, and one for the other evidence.
 
-        z are the residuals of tensile curves, freed inputs and priors, divided by their standard deviations.
-        Gauss-Newton works with residuals in mm. The last `Misfit` therefore has the residuals e sqrt(K / N) z, as if
-        they belonged to one more state with the error e. K is the number of states, N the number of independent points,
-        and e the median over the valid candidates of their mean errors. With this factor, z has the same weight in
-        least squares as in the objective, near the optimum.
+        The other evidence has the residuals z of tensile curves, freed inputs and priors, divided by their standard
+        deviations. z is converted to mm by the factor e sqrt(K / N), with the number K of states, the number N of
+        independent points and a common error e. e is the median of the mean errors of all valid candidates. The last
+        `Misfit` stands for one more state with the error e. Near the optimum, z then has the same weight in least
+        squares as in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -2,9 +2,10 @@
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
 Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
-noise of the edges. The modulus from the edges may also be wrong because an input is wrong, such as the width of the
-beam. The fit does not consider this if the input keeps its stated value. If the input is the larger uncertainty of the
-modulus, free it (let the fit determine it together with the law). The prior then also helps to determine the input.
+noise of the edges alone. A wrong input, such as a wrong width of the beam, also changes the modulus that the edges
+give. The fit does not consider this error if the input keeps its stated value. If the error may be larger than the
+noise, free the input (let the fit determine it together with the law). The prior then also helps to determine the
+input.
 """
 
 from __future__ import annotations

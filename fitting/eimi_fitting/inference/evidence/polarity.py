@@ -1,9 +1,10 @@
 """Use a field in both polarities to separate the modulus from a tilted magnetisation and from a background field.
 
-The odd part of the deflection is caused by the field of the coil and is reversed with the current. The even part does
-not depend on the current, or depends on the square of the current, and stays the same. The modulus follows from the odd
-part. The direction of magnetisation and the background field follow from the even part. If both polarities were
-measured, a fit therefore also determines the direction of magnetisation and the background field.
+Two states with opposite currents of the same size have two deflections. Half of their difference is the odd part, and
+half of their sum the even part. The odd part is caused by the field of the coil, and the modulus follows from it. The
+even part does not change sign with the current. The direction of magnetisation and the background field follow from it.
+If both polarities were measured, a fit therefore also determines the direction of magnetisation and the background
+field.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ class Source:
         Whether the effect of the source is the same in a reversed field. Both polarities then separate this effect from
         the effect of the modulus.
     common : bool
-        Whether all datasets share one error of the source. If False, each dataset has a separate error. The value is
-        used if no file specifies which datasets share the error.
+        Whether all datasets share one error of the source, if no file specifies which datasets share it. If False, each
+        dataset has a separate error.
     covers : tuple of str
         Keys of other sources with the same effect. These sources are ignored if the fit determines this source.
     stated_in : str or None

@@ -412,7 +412,18 @@ class Unknowns:
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
         """Return groups of candidates (sets of values of the unknowns) that have the same deviations of the lens.
 
-        The parameters and the form of the result are the same as for `bent`.
+        Parameters
+        ----------
+        unit : ndarray, shape (P, n)
+            P candidates in unit coordinates (0 to 1).
+        datasets : int
+            Number of datasets.
+
+        Returns
+        -------
+        list of (ndarray, list of dict)
+            For each group, the indices of its candidates, and one dictionary for each dataset. A key is a property of
+            the lens (a key of `SOURCES`), and its value an array with the deviation of each part, shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

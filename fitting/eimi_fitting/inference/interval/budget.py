@@ -77,6 +77,8 @@ class MeasureNext:
 class Moves:
     """D random errors of an optimum with n unknowns, caused by noise and by errors of S uncertain inputs.
 
+    The 95 % intervals are quantiles of the optimum plus these errors.
+
     Parameters
     ----------
     unit : ndarray, shape (n,)
@@ -88,8 +90,8 @@ class Moves:
     steps : Steps
         The change of the optimum for one standard uncertainty of each uncertain input.
     further : ndarray, shape (D, n), or float
-        Changes by a further error that is neither noise nor an uncertain input, in unit coordinates. `Moves.units`
-        leaves these changes out if it is called for noise alone.
+        Changes by a further error that is neither noise nor the error of an uncertain input, in unit coordinates. The
+        interval due to noise alone does not contain these changes.
     """
 
     unit: Array

@@ -189,8 +189,9 @@ def _changes(
 ) -> list[Array | None]:
     """Return the changes of the residuals of one experiment for one standard uncertainty of each input, in mm.
 
-    index: the index of the experiment; numbers: the uncertain inputs. A change is None if the input does not concern
-    the experiment.
+    ``index`` is the index of the experiment. ``numbers`` has the uncertain numbers of the inputs, each as a source and
+    the index of a part of this source. A change is None if the number does not belong to the experiment or the model
+    finds no equilibrium.
     """
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
@@ -315,9 +316,9 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Change for one standard uncertainty of each source, in unit coordinates (the bounds of the search are 0 and 1).
     held : ndarray, shape (n,)
-        If an unknown of the optimum lies on a bound of the search: the vector from this optimum to the optimum without
-        the bound, in unit coordinates, at most two standard deviations long. Zero if no unknown lies on a bound, or if
-        there is no source.
+        A bound of the search may stop an unknown that the data would move farther. This vector leads from the optimum
+        to the point that the data would give without bounds, in unit coordinates. It is shortened to two standard
+        deviations beyond the bound. Zero if no unknown lies on a bound, or if there is no source.
     """
 
     sizes: Array

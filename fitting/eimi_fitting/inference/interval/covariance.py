@@ -352,9 +352,9 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
     """Return the contribution of the tensile curves to the variance of the score in n unknowns, shape (n, n).
 
-    The score is the gradient of minus the log-likelihood. Its variance follows from the noise of each curve, which is
-    taken from the residuals of the joint fit (``z``, standardised), but is at least the noise of a fit to the curve
-    alone. slopes: the derivatives of ``z`` in the unknowns.
+    The score is the gradient of minus the log-likelihood. Its variance follows from the noise of each curve. The noise
+    is computed from the residuals of the joint fit, but is at least the noise of a fit to the curve alone. ``z`` has
+    the standardised residuals of the joint fit, and ``slopes`` their derivatives in the unknowns.
     """
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0

@@ -61,9 +61,10 @@ def draw_noise(
 ) -> Array:
     """Draw random changes of the optimum by noise, priors and the remaining errors of the beam models.
 
-    The changes by noise and priors are normal with the given covariance. If the interval of an unknown is asymmetric,
-    negative and positive changes of this unknown are scaled to the lower and the upper end. Each error of a beam model
-    adds a normal number times its effect on the unknowns.
+    The changes by noise and priors are normal with the given covariance. The 95 % interval of an unknown may be
+    asymmetric. Negative changes of this unknown are then multiplied by one factor and positive changes by another, so
+    that the 2.5 % and 97.5 % quantiles are the ends of the interval. Each error of a beam model adds a normal number
+    times its effect on the unknowns.
 
     Parameters
     ----------
@@ -80,8 +81,8 @@ def draw_noise(
         For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
         in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        For each of the C errors, the standard deviation of a further independent change of the first unknown, which
-        determines the modulus.
+        For each of the C errors, the standard deviation of one more change, which is independent of the changes above.
+        It concerns only the first unknown, which determines the modulus.
 
     Returns
     -------

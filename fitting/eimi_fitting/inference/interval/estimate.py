@@ -116,8 +116,8 @@ class Estimate:
         (``section_change``). None for a correction that does not apply.
     held_out_error_mm : float or None
         Root mean square residual in mm of a state that was omitted from the fit, as the mean over all states
-        (cross-validation). The uncertain inputs have the values that explain the residuals best. None if there is only
-        one state.
+        (cross-validation). Here the uncertain inputs are determined together with the law. None if there is only one
+        state.
     budget : tuple of BudgetEntry
         The effect of each source of uncertainty on the initial shear modulus, the largest effect first.
     measure_next : MeasureNext
@@ -238,10 +238,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
         that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus. The other unknowns may absorb a part of an error of the beam model, and the
-        bound of the modulus in ``model_errors``, a, is then too small. Let b be the bound of the modulus if the other
-        unknowns are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or 0 if a
-        > b, so that both together give b.
+        A further bound for the modulus alone. Let a be the bound of the modulus in ``model_errors``. It is too small if
+        the other unknowns compensate for a part of an error of the beam model. Let b be the bound of the modulus if the
+        other unknowns are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or
+        0 if a > b. The root of the sum of both squares is then at least b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)

@@ -81,7 +81,7 @@ class Identifiability:
         that the sources of uncertainty do not explain. None in files of earlier releases.
     stated_squares : float
         Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties. The
-        inputs have the values that explain the residuals best.
+        deviations result from a fit of the inputs together with the unknowns.
     model_mm : float
         Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
         in mm; 0 if no uncertain input is stated.

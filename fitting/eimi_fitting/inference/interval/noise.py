@@ -283,10 +283,10 @@ def _value(
 def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
-    ``misfit`` has the residuals of the 2 n + 1 candidates of `difference_batch`: a point, then n candidates with one
-    coordinate increased, then n candidates with one coordinate decreased. ``distance`` (n,) has the distance between
-    the increased and the decreased value of each coordinate. The shape of the result is (n, K, G, m) for G groups
-    (edges, or x and y) of m points in K states.
+    ``misfit`` has the residuals of 2 n + 1 candidates: a point, then n candidates with one coordinate increased, then n
+    candidates with one coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased
+    value of each coordinate. The shape of the result is (n, K, G, m) for G groups (edges, or x and y) of m points in K
+    states.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -297,8 +297,9 @@ def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
     """Append the derivatives by the S uncertain inputs to the derivatives of the residuals by the n unknowns.
 
     ``slopes`` has the derivatives by the unit coordinates (0 to 1) of the unknowns, in mm. ``changes`` has the change
-    of the residuals for one standard uncertainty of each input, which is converted to a derivative by its unit
-    coordinate. The result has the shape (n + S, K, G, m) for G groups (edges, or x and y) of m points in K states.
+    of the residuals for one standard uncertainty of each input. The unit coordinate of an input covers 12 standard
+    uncertainties, so that the derivative is 12 times the change. The result has the shape (n + S, K, G, m) for G groups
+    (edges, or x and y) of m points in K states.
     """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 

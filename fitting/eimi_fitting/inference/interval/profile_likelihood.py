@@ -103,7 +103,7 @@ class _End:
         profile grows about as the square of the distance from the optimum. The present distance is therefore multiplied
         by the root of ``target`` / profile, but kept between the distances that are known to be inside and outside the
         interval. The other coordinates are then moved so that a quadratic approximation of the deviance is smallest.
-        unit: the optimum; hessian: the Hessian of half the deviance there.
+        ``unit`` is the optimum, and ``hessian`` the Hessian of half the deviance at the optimum.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])
@@ -150,8 +150,8 @@ def interval_ends(
     Returns
     -------
     Ends
-        The ends. All converged ends lie within 0..1. An end that does not converge is the quadratic end or lies farther
-        out.
+        The ends. All converged ends lie within 0..1. If the computation of an end does not converge, its last candidate
+        and the quadratic end are compared, and the one farther from the optimum is returned.
     """
     low, high = unit - half_width, unit + half_width
     if not checked:

@@ -61,10 +61,10 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a later fit of this law, and the values of the law as their unit coordinates (n,).
+        """Return the unknowns of a later fit of this law, and the parameters of this law in unit coordinates, (n,).
 
-        The unit coordinates are between 0 and 1. The bounds of the modulus are 1.5 decades below and above the modulus
-        of the earlier fit.
+        The unit coordinates lie between 0 and 1, the bounds of the later search. The bounds of the modulus are 1.5
+        decades below and above the modulus of the earlier fit.
         """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
@@ -211,12 +211,13 @@ class Candidates:
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of ``half_width_percent``: no choice of ``states`` states gives a narrower interval.
+        """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
 
-        The bound is in per cent. The noise is computed as if every state determined the quantity as well as the best
-        state does. The error due to an uncertain input is a weighted mean of the errors that single states would have,
-        and the weights depend on the choice. The bound uses the weights with the smallest sum of squared errors
-        (non-negative least squares; the weights add up to one).
+        A choice whose interval is near this bound can hardly be improved. The bound has two parts. For the noise, every
+        chosen state is assumed to determine the quantity as well as the best state does. For the uncertain inputs, the
+        errors of the quantity are computed that each single state would have. The error of a choice is a weighted mean
+        of the errors of its states, with weights that add up to one. The bound uses the weights for which the sum of
+        the squared errors by all inputs is smallest (non-negative least squares).
 
         Raises
         ------
@@ -346,7 +347,7 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
     The result is a dictionary with one entry, or an empty dictionary if the finer mesh has no equilibrium. The key is
     the name of the refinement `FINER_MESH`. The value is the standard deviation of the error in mm, shape (K, 2, m),
-    for m points on each of 2 edges in K states. along: the number of elements along the beam in the later fit.
+    for m points on each of 2 edges in K states. ``along`` is the number of elements along the beam in the later fit.
     """
     mesh_correction = correction(
         FINER_MESH,

@@ -22,9 +22,9 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """The interface of the states that could be measured, with a number that depends on the choice of states.
+    """The interface for a choice of states: the number of possible states, and a criterion for each choice.
 
-    A plan chooses the states for which this number (the criterion) is smallest, such as the variance of the modulus.
+    The criterion is a number, such as the variance of the modulus. The choice with the smallest number is the best.
     """
 
     def __len__(self) -> int:

@@ -7,11 +7,11 @@ bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates
 The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
 estimate after the previous state needs only a few steps. The complete fit follows after the run.
 
-The bias of a planar section is the relative error of a modulus that is fitted with the planar model instead of the
-three-dimensional one (`inference.planning.section_bias`). The remaining error of the modulus after this correction is
-5 % of the bias, but at least 0.15 % of the modulus. The bias is computed for a large bending, so that the remaining
-error does not grow during the run. If the depth effect cannot be interpolated, the modulus of the planar model is
-divided by 1 + bias instead.
+The corrected residuals still leave an error of the modulus. It is assumed to be 5 % of the bias of a planar section,
+but at least 0.15 % of the modulus. The bias is the relative error of a modulus that is fitted with the planar model
+alone (`inference.planning.section_bias`). It is computed for a large bending, so that the assumed error does not grow
+during the run. If the depth effect cannot be interpolated, the residuals are not corrected, and the modulus from the
+planar model is divided by 1 + bias.
 
 A further state can make the interval wider, because some stated uncertainties have a larger effect on the modulus if
 the beam bends more. The estimate before this state is then kept, with its narrower interval, under two conditions: the
@@ -194,7 +194,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals to the residuals of the three-dimensional model, and return the fit to the result.
+    """Correct the residuals by the three-dimensional model, and compute the optimum for the corrected residuals.
 
     Returns
     -------

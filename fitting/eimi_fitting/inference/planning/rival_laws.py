@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 class Rivals:
     """S states that could distinguish a first law from a second law, the rival.
 
-    The edges of the rival are compared with the edges of the first law. Their distances r in mm are linearised in m
-    quantities, the unknowns of the rival and the uncertain inputs; J are the derivatives of r in these quantities. With
-    w, the inverse variance of an independent edge point in 1/mm^2, the sums below give the distances that remain when
-    the rival is fitted to the first law.
+    The rival is fitted to the edges of the first law, and its residuals r are the distances in mm between the edges of
+    both laws. The fit varies m quantities: the unknowns of the rival and the uncertain inputs. J are the derivatives of
+    r in these quantities, and w is the inverse variance of an independent edge point in 1/mm^2. The sums below give the
+    residuals that remain after the fit, for any choice of the states.
 
     Attributes
     ----------

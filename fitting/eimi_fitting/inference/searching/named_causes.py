@@ -147,12 +147,14 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Returns
     -------
     tuple of NamedCause
-        At most one mistake for each dataset; none if the stated loads explain the measurement.
+        The mistakes, as exceptions that are not raised: at most one for each dataset, and none if the stated loads
+        explain the measurement.
 
     Raises
     ------
     NamedCause
-        If the error with the stated loads is more than 0.2 of the error of an unbent beam.
+        For a dataset with a mistake, if the error with the stated loads is more than 0.2 of the error of an unbent
+        beam.
     """
     causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:

@@ -80,7 +80,8 @@ class Optimum(Generic[E]):
     unit : ndarray, shape (n,)
         The optimum: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
     evaluation : Evaluation
-        Evaluation of the 2 n + 1 candidates of `difference_batch` about the optimum.
+        Evaluation of 2 n + 1 candidates: the optimum, then n candidates with one coordinate increased, then n
+        candidates with one coordinate decreased.
     distance : ndarray, shape (n,)
         For each unknown, distance in unit coordinates between the two candidates of its central difference.
     polish : Polish
@@ -135,7 +136,8 @@ def polish(
     unit : ndarray, shape (n,)
         The start in unit coordinates.
     start : (Evaluation, ndarray), optional
-        Evaluation of the candidates of `difference_batch` at the start, and their distances, if already computed.
+        Evaluation of the start and its neighbours for central differences, and the distance between the two neighbours
+        in each coordinate (as in `Optimum`). Computed by default.
     enough : float
         Stop after a step that lowers the objective by less than this share of the objective.
 
@@ -179,8 +181,9 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
     """Return a damped Gauss-Newton step (n,) that leads from ``unit`` (n,) to a point within the unit cube.
 
-    ``here`` has the residuals of the candidates of `difference_batch` about ``unit``, and ``distance`` (n,) their
-    distances, so that the slopes can be computed. ``damping`` is added to the diagonal of the Hessian.
+    ``here`` has the residuals of ``unit`` and of its neighbours for central differences: one neighbour on each side in
+    each coordinate. ``distance`` (n,) has the distance between the two neighbours. ``damping`` is added to the diagonal
+    of the Hessian.
     """
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
@@ -190,8 +193,9 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
     """Return the gradient g (n,) and the Hessian H (n, n) of the objective in n unknowns; see the module for g and H.
 
-    ``misfits`` has the residuals of the candidates of `difference_batch`, one element for each experiment, and
-    ``distance`` (n,) the distances for the central differences.
+    ``misfits`` has one element for each experiment, with the residuals of 2 n + 1 candidates: a point, then n
+    candidates with one coordinate increased, then n candidates with one coordinate decreased. ``distance`` (n,) has the
+    distance between the increased and the decreased value of each coordinate.
     """
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
