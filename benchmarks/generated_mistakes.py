@@ -94,7 +94,7 @@ def _skipped(tree: ast.AST) -> set[int]:
     """Return the nodes of the syntax tree in which no mistake is made, as a set of their identities (`id`).
 
     These nodes are annotations, decorators, f-strings, imports, assertions (also the argument `strict` of `zip`), some
-    calls such as `TypeVar`, and blocks for type checkers, with everything inside them.
+    calls such as `TypeVar`, and functions (`overload`) and blocks for type checkers, with everything inside them.
     """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -104,6 +104,7 @@ def _skipped(tree: ast.AST) -> set[int]:
             every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
             roots += [a.annotation for a in every if a is not None and a.annotation is not None]
             roots += [*([node.returns] if node.returns else []), *node.decorator_list]
+            roots += [node] if "overload" in map(ast.unparse, node.decorator_list) else []
         elif (
             isinstance(node, ast.Import | ast.ImportFrom | ast.JoinedStr | ast.Assert)
             or (isinstance(node, ast.keyword) and node.arg == "strict")

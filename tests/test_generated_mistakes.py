@@ -52,6 +52,12 @@ def test_a_room_is_a_package_or_a_folder(file: str, rooms: list[str], room: str 
     assert asked_room(file, rooms) == room
 
 
+def test_functions_for_type_checkers_are_not_changed() -> None:
+    code = "def f(a=1):\n    return a\n"
+    assert changes(code)
+    assert not changes("@overload\n" + code)
+
+
 def test_assertions_are_not_changed() -> None:
     code = "def f(a, b):\n    assert a > 1\n    return zip(a, b, strict=True)\n"
     assert {changed(code, change).splitlines()[change.line - 1].strip() for change in changes(code)} == {

@@ -181,7 +181,7 @@ def mountings(
     rig: Rig,
     gravity_angles: Sequence[float],
     weights: Sequence[float],
-    both_polarities: bool = False,
+    both_polarities: bool,
 ) -> list[Mounting]:
     """Return a mounting for each combination of specimen, angle of gravity and weight at the tip.
 

@@ -7,6 +7,7 @@ that breaks only this requirement.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -330,6 +331,12 @@ def grabbing(change: Callable[[Frame], Any]) -> type:
     return type("Changed", (Good,), {"grab": lambda self, timeout_s: change(Good.grab(self, timeout_s))})
 
 
+def only_in_the_main_thread(frame: Frame) -> Frame:
+    if threading.current_thread() is not threading.main_thread():
+        raise InstrumentError("not in the main thread")
+    return frame
+
+
 def camera_identified(identity: Any) -> type:
     return type("Changed", (Good,), {"identify": lambda self: identity})
 
@@ -398,6 +405,7 @@ CAMERAS_IN_WORDS: list[tuple[str, type, str]] = [
         r"grab\(\) of a closed camera should raise InstrumentError, but returned Frame",
     ),
     ("is_closed_when_it_is_closed", type("Changed", (Good,), {"__init__": opens_once, "opened": False}), "in use"),
+    ("works_in_a_thread_of_its_own", grabbing(only_in_the_main_thread), "not in the main thread"),
     ("refuses_a_setting_that_cannot_be", type("Changed", (Good,), {"__init__": opens_once, "opened": False}), "in use"),
 ]
 

@@ -190,7 +190,9 @@ def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_
 
     monkeypatch.setattr(planning, "_planned", of_mounting)
     monkeypatch.setattr(planning, "_with_ring_down", lambda goal, run, rig: run)  # the fit has no parameters
-    runs = planning.plan(goal, planning.mountings([specimen], rig, list(expected), []), rig, protocol, 2)
+    runs = planning.plan(
+        goal, planning.mountings([specimen], rig, list(expected), [], both_polarities=False), rig, protocol, 2
+    )
     angles = [run.mounting.gravity_angle_deg for run in runs]
     assert angles == ([0.0, 180.0, 90.0] if against_a_rival else [90.0, 180.0, 0.0])
     head, *rows, best, sources = planning.table(goal, runs)[1:]

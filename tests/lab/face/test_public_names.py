@@ -8,8 +8,10 @@ import subprocess
 import sys
 
 import pytest
+import typer
 
 import eimi_lab as eimi
+from eimi_lab.cli import app
 
 IMPORT_ALL = """
 import importlib, inspect, pkgutil
@@ -51,6 +53,26 @@ def test_every_function_documents_each_of_its_parameters(name):
     assert set(inspect.signature(function).parameters) <= documented
     for section in ("Parameters\n----------", "Returns\n-------", "Raises\n------"):
         assert section in written
+
+
+# The defaults of some options depend on the command line: they are None there, and are replaced later.
+REPLACED = {("fit", "seed"), ("report", "workers"), ("tensile", "window")}
+
+
+def test_an_option_has_the_same_default_in_python_and_on_the_command_line():
+    commands = typer.main.get_command(app).commands
+    compared = set()
+    for name in FUNCTIONS:
+        command = commands.get("import" if name.startswith("import_") else name)
+        options = {option.name: option for option in command.params if not option.required} if command else {}
+        for parameter in inspect.signature(getattr(eimi, name)).parameters.values():
+            if parameter.name in options and parameter.default is not parameter.empty:
+                default = options[parameter.name].default
+                if (name, parameter.name) not in REPLACED:
+                    assert (parameter.default or None) == (default or None), (name, parameter.name)
+                    compared.add((name, parameter.name))
+    assert {name for name, _ in compared} >= {"acquire", "discover", "fit", "plan", "segment", "simulate", "validate"}
+    assert len(compared) > 80
 
 
 def test_every_class_of_a_result_is_public():
