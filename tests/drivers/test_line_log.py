@@ -16,7 +16,6 @@ from eimi_drivers.emulators.serve import emulate, serve_pty, serve_tcp
 from eimi_drivers.emulators.supply import CoilSupply
 from eimi_drivers.interfaces import InstrumentDisconnected, InstrumentTimeout, Limits
 from eimi_drivers.sensors.sensor_names import open_sensor
-from eimi_drivers.supplies import owon
 from eimi_drivers.supplies.logged import LoggedTransport
 from eimi_drivers.supplies.owon import OwonSpeSupply
 from eimi_drivers.supplies.supply_names import open_supply
@@ -102,7 +101,7 @@ def owon_on(*answers: bytes | Exception) -> OwonSpeSupply:
     return OwonSpeSupply(Line(clock, *answers), Limits(1.0, 10.0), clock)
 
 
-@pytest.mark.parametrize("refusals", [0, 1, owon.MOST_REFUSALS - 1])
+@pytest.mark.parametrize("refusals", [0, 1, 2])
 def test_late_refusals_of_commands_are_skipped(refusals: int) -> None:
     assert owon_on(*[b"ERR\n"] * refusals, b"0.5\n")._ask("CURR?") == b"0.5\n"
 
@@ -111,7 +110,7 @@ def test_a_question_that_is_refused_is_an_error_after_the_refusals_end() -> None
     with pytest.raises(Exception, match=r"/dev/ttyX: the supply answers ERR to CURR\?"):
         owon_on(b"ERR\n")._ask("CURR?")
     with pytest.raises(Exception, match=r"/dev/ttyX: the supply answers ERR to CURR\?"):
-        owon_on(*[b"ERR\n"] * owon.MOST_REFUSALS, b"0.5\n")._ask("CURR?")
+        owon_on(*[b"ERR\n"] * 3, b"0.5\n")._ask("CURR?")  # a question that is refused forever must not hang a run
 
 
 @pytest.mark.parametrize("level", [logging.INFO, logging.WARNING])

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from eimi_fitting.beam.specimen import VACUUM_PERMEABILITY
 from eimi_lab.config.calibration import Calibration, load_calibration
 from eimi_lab.config.materials import TrueMaterial, load_materials
+from eimi_lab.config.people import People
 from eimi_lab.config.protocol import Protocol, SupplyLimits, load_protocol
-from eimi_lab.config.rig import load_rig
+from eimi_lab.config.rig import Rig, load_rig
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import Document, parse
 from eimi_lab.process.errors import InputError
@@ -288,6 +289,20 @@ def test_the_text_of_a_rig_does_not_contain_the_true_materials() -> None:
 def test_an_unknown_name_is_refused_with_the_list_of_shipped_files() -> None:
     with pytest.raises(InputError, match=r"type9: no such file.*type1, type2, type3, type4"):
         load_specimen("type9")
+
+
+def test_a_name_may_consist_of_one_character_but_may_not_be_empty() -> None:
+    shortest = {}
+    for document in (People, Protocol, Rig, SpecimenFile):
+        schema = document.model_json_schema()
+        for table, described in {**schema["$defs"], document.__name__: schema}.items():
+            for name, field in described.get("properties", {}).items():
+                for kind in [field, *field.get("anyOf", [])]:
+                    if "minLength" in kind:
+                        shortest[table, name] = kind["minLength"]
+    assert set(shortest.values()) == {1}
+    required = {("Protocol", "name"), ("Protocol", "material"), ("Beam", "name"), ("Beam", "material"), ("Rig", "name")}
+    assert shortest.keys() >= required | {("Person", "given_name"), ("Person", "family_name"), ("Supply", "address")}
 
 
 @given(text=st.text(max_size=200))
