@@ -14,11 +14,14 @@ import meshio
 import numpy as np
 import pytest
 
+from eimi_fitting import BeamModel, Specimen
+from eimi_fitting.beam.beside import SolidBeside
+from eimi_fitting.beam.specimen import Section
 from eimi_lab.config.protocol import load_protocol
 from eimi_lab.config.specimen import SpecimenFile, load_specimen
 from eimi_lab.config.toml import parse
 from eimi_lab.process.errors import InputError
-from eimi_lab.virtual.simulation import parse_parameters, simulate, write_simulation
+from eimi_lab.virtual.simulation import _seen_from_the_side, parse_parameters, simulate, write_simulation
 from tests.patience import PATIENCE_S
 
 
@@ -26,6 +29,22 @@ def planar(name: str) -> SpecimenFile:
     """Return a shipped specimen in plane strain, as in the published method, instead of as a solid."""
     text = load_specimen(name).text
     return parse(SpecimenFile, re.sub(r'section = "solid"', 'section = "plane-strain"', text), name)
+
+
+@pytest.mark.parametrize("section", ["plane-stress", "solid"])
+def test_the_elements_of_a_side_view_fill_the_side_of_the_beam(section: Section) -> None:
+    beam = Specimen(30.0, 3.0, 10.0, 1070.0, section)
+    model = SolidBeside(beam, 4, 2, 1) if section == "solid" else BeamModel(beam, 4, 2)
+    shown, outlines = _seen_from_the_side(model)
+    x, y = np.moveaxis(model.mesh.nodes[outlines][..., :2], -1, 0)
+    areas = 0.5 * np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1)
+    assert len(areas) == 8
+    assert areas.sum() == pytest.approx(np.sign(areas[0]) * 30.0 * 3.0)
+    assert np.abs(areas).sum() == pytest.approx(30.0 * 3.0)
+    middle = model.mesh.nodes[model.mesh.elements[shown]].mean(axis=1)[:, :2]
+    assert np.column_stack([x.mean(axis=1), y.mean(axis=1)]) == pytest.approx(middle)
+    if section == "solid":
+        assert not model.mesh.nodes[outlines, 2].any()
 
 
 @pytest.mark.parametrize(("specimen", "tip_deg"), [(planar("type1"), 52.4), (load_specimen("type1"), 57.7)])

@@ -13,6 +13,7 @@ import pytest
 
 from eimi_fitting.inference.doubts.causes import Cause
 from eimi_fitting.inference.doubts.checks import Doubt
+from eimi_fitting.inference.evidence.measurements import PointObservation
 from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
@@ -29,6 +30,7 @@ from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_se
 from eimi_lab.reporting.panels.error_against_field import drawn_errors
 from eimi_lab.reporting.panels.error_boxes import drawn_boxes
 from eimi_lab.reporting.panels.every_fit import tables as fits_on_specimens
+from eimi_lab.reporting.panels.first_screen import points_over_outlines
 from eimi_lab.reporting.panels.laws import table_of_choice, table_of_laws
 from eimi_lab.reporting.panels.published_values import table_of_published
 from eimi_lab.reporting.panels.stress_strain import drawn_stress
@@ -86,6 +88,29 @@ def test_the_figures_of_the_report_show_the_errors_of_the_fit(fit: FitRecord, si
     (search,) = table_of_searches([simulated.fitted_law]).texts()
     assert search[5].endswith(f"to {1e3 * fit.polish.mean_error_after_mm:.2f} µm")
     assert search[6] == f"{1e3 * fit.mean_error_mm:.2f} µm"
+
+
+@pytest.mark.parametrize("with_fit", [False, True])
+def test_tracked_points_and_simulated_outlines_are_drawn_upright_at_three_loads(simulated: Any, with_fit: bool) -> None:
+    moved = np.arange(24.0).reshape(4, 3, 2)
+    sigma = np.full((4, 3), 0.02)
+    sigma[:, 2] = np.nan  # a point that was not found
+    states = tuple(SimpleNamespace(field_mT=field, tip_force_N=0.0) for field in (6.0, 0.0, 3.0, 1.0))
+    experiment = SimpleNamespace(observed=PointObservation(np.zeros_like(moved), moved, sigma))
+    contents: Any = SimpleNamespace(
+        evidence=SimpleNamespace(experiment=experiment, states=states),
+        dataset=SimpleNamespace(upright=lambda places: places[..., ::-1]),
+    )
+    simulated.edges_mm = 10.0 + np.arange(32.0).reshape(4, 2, 2, 2)
+    (axes,) = points_over_outlines(contents, simulated if with_fit else None).axes
+    points = [line.get_xydata() for line in axes.lines if line.get_marker() != "None"]
+    smallest_first = [1, 2, 0]
+    assert np.array(points) == pytest.approx(moved[smallest_first, :2, ::-1])
+    outlines = [line.get_xydata() for line in axes.lines if line.get_marker() == "None" and len(line.get_xdata())]
+    assert len(outlines) == (3 if with_fit else 0)
+    for k, outline in zip(smallest_first, outlines, strict=False):
+        left, right = simulated.edges_mm[k][..., ::-1]
+        assert outline == pytest.approx(np.array([*left, *right[::-1], left[0]]))
 
 
 def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: FitRecord, shown: Shown) -> None:
