@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -16,6 +19,7 @@ from typing import Any
 import pytest
 
 from eimi_lab.process.workers import completed, processes, started
+from tests.shared.processes import alive, wait_until
 
 
 def doubled(number: int, marker: Path | None = None) -> int:
@@ -104,3 +108,33 @@ def test_started_processes_end_after_an_error(children: Children) -> None:
     with pytest.raises(KeyboardInterrupt):
         stopped()
     assert not children()
+
+
+PARENT = """
+import os, signal, sys, time
+from eimi_lab.process.workers import processes
+
+if __name__ == "__main__":
+    with processes(1) as pool:
+        worker = pool.submit(os.getpid).result()
+        pool.submit(os.kill, worker, signal.SIGINT).result()  # a worker ignores Ctrl-C, to which its parent reacts
+        print(worker, pool.submit(os.getpriority, os.PRIO_PROCESS, 0).result(), flush=True)
+        pool.submit(time.sleep, 3600)
+        sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="has no /proc to look processes up in")
+def test_a_worker_ignores_ctrl_c_gives_way_and_ends_with_its_killed_parent(tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(PARENT)
+    command = [sys.executable, tmp_path / "parent.py"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker, priority = map(int, parent.stdout.readline().split())
+        assert priority > os.getpriority(os.PRIO_PROCESS, parent.pid)
+        parent.kill()
+    try:
+        wait_until(lambda: not alive(worker), "the worker goes on without its parent")
+    finally:
+        if alive(worker):
+            os.kill(worker, signal.SIGKILL)
