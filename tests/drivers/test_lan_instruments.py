@@ -8,10 +8,14 @@ import socket
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from zeroconf import EventLoopBlocked, ServiceInfo, Zeroconf
 
+from eimi_drivers import lan_instruments
 from eimi_drivers.emulators import DIALECTS
 from eimi_drivers.lan_instruments import HISLIP, LXI, RAW, VXI_11, LanInstrument, _by_host, list_lan_instruments
 from eimi_drivers.supplies.recognised import recognise
@@ -80,6 +84,39 @@ def test_an_instrument_on_the_network_is_listed_with_its_driver(search: Search) 
     assert instrument.recognised is not None
     assert instrument.recognised.driver == "aim-tti"
     assert instrument.text == "THURLBY THANDAR CPX400DP, serial number 521236"
+
+
+@pytest.mark.parametrize(("answers_after_s", "found"), [(0.5, True), (2.0, True), (3.0, False)])
+def test_a_search_waits_for_slow_instruments_but_not_long(
+    monkeypatch: pytest.MonkeyPatch, answers_after_s: float, found: bool
+) -> None:
+    info = announced(RAW, "192.0.2.9", 5025, "scope")
+    told: list[Callable[..., None]] = []
+
+    class Network(nullcontext["Network"]):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(self)
+
+        def get_service_info(self, kind: str, name: str, timeout: int) -> ServiceInfo:
+            assert timeout <= 1000  # ms for each instrument
+            return info
+
+    class Browser:
+        def __init__(self, network: Network, kinds: list[str], handlers: list[Callable[..., None]]) -> None:
+            told.extend(handlers)
+
+        def cancel(self) -> None:
+            told.clear()
+
+    def sleep(seconds: float) -> None:
+        if answers_after_s < seconds:
+            for handler in told:
+                handler(None, RAW, info.name, None)
+
+    monkeypatch.setattr(lan_instruments, "Zeroconf", Network)
+    monkeypatch.setattr(lan_instruments, "ServiceBrowser", Browser)
+    monkeypatch.setattr(lan_instruments, "time", SimpleNamespace(sleep=sleep))
+    assert [instrument.text for instrument in list_lan_instruments()] == ["scope"] * found
 
 
 @pytest.mark.parametrize(

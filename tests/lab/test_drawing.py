@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from eimi_lab.reporting.drawn_panels import _drawn
+from eimi_lab.reporting.elements import Picture
 from eimi_lab.showing.drawing import Drawing, saved
 
 
@@ -28,3 +33,16 @@ def test_each_file_of_a_figure_is_drawn_once_and_the_layout_is_computed_once(mon
     assert vectors.startswith(b"<?xml")
     assert pixels.startswith(b"\x89PNG")
     assert not np.isclose(axes.get_position().x0, before)
+
+
+def test_the_pictures_of_a_panel_are_encoded_when_the_panel_is_drawn() -> None:
+    """Pictures are encoded while the workers still simulate; afterwards the page only needs to be put together."""
+    drawing = Drawing(2.0, 3.0)
+    drawing.subplots()
+    picture = Picture("one", drawing, "alternative", "caption")
+    panel: Any = SimpleNamespace(values=lambda contents: {"picture": picture, "title": contents})
+    assert "embedded" not in vars(picture)
+    assert _drawn(panel, "title") == {"picture": picture, "title": "title"}
+    assert vars(picture)["embedded"].startswith("data:image/svg+xml;base64,")
+    omitted: Any = SimpleNamespace(values=lambda contents: None)
+    assert _drawn(omitted, "title") is None

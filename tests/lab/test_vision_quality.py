@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from eimi_lab.virtual.optics import expose, make_scene
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.edges.overlay import CORNER_COLOUR, draw_overlay
+from eimi_lab.vision.edges.quality import light_findings
 from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SIZE, SPECIMEN, bend, errors_px, make_bent_scene
 
 BEAM = bend(SPECIMEN, 30.0)
@@ -213,3 +215,16 @@ def test_the_overlay_of_a_bad_picture_names_its_flags(name):
     height, width = image.shape
     assert picture.shape[1] == max(width, 560)
     assert (picture[height : height + 60, :300, 1] < 100).any()  # red text on white below the picture
+
+
+def test_the_residual_of_a_picture_is_exceeded_by_a_twentieth_of_its_profiles_and_the_contrast_by_nine_tenths():
+    steps = SimpleNamespace(dark=np.zeros(101), bright=np.linspace(0, 200, 101), sound=np.ones(101, bool), blur_px=1.5)
+    edge_pass = SimpleNamespace(
+        steps=steps, residual=np.linspace(0.0, 1.0, 101), plateau=lambda side: np.full(101, 300.0 if side > 0 else 0.0)
+    )
+    findings = light_findings(edge_pass, 255.0, False, None)
+    assert findings["residual"] == pytest.approx(0.95)
+    assert findings["contrast"] == pytest.approx(20.0 / 255.0)
+    assert findings["saturated_share"] == 1.0  # gamma is therefore not measured
+    assert findings["blur_px"] == 1.5
+    assert light_findings(edge_pass, 255.0, True, None)["saturated_share"] == 1.0
