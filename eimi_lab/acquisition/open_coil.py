@@ -25,6 +25,9 @@ from eimi_lab.process.progress import silent
 if TYPE_CHECKING:
     from eimi_drivers.discovery import Found
 
+WITHOUT_INSTRUMENT = "`eimi instruments` shows more, and --rig virtual needs no instrument"
+"""What a person at a terminal can do if an instrument was not found."""
+
 
 @dataclass(frozen=True)
 class CoilBench:
@@ -149,7 +152,7 @@ def attached() -> str:
 
     return (
         f"serial ports of this computer: {_addresses(list_serial_ports)}; cameras: {_addresses(list_cameras)}; "
-        "`eimi instruments` shows more, and --rig virtual needs no instrument"
+        f"{WITHOUT_INSTRUMENT}"
     )
 
 

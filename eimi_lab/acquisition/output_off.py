@@ -11,6 +11,9 @@ from eimi_lab.acquisition.open_coil import CoilBench
 from eimi_lab.acquisition.switching_off import switching_off
 from eimi_lab.config.protocol import Ramp
 
+SWITCH_OFF_FIRST = ", and --take-over switches it off first"
+"""What a person at a terminal can do if the output of the supply is on before a run."""
+
 
 def begin_with_output_off(
     bench: Bench | CoilBench, ramp: Ramp, take_over: bool, simulated: bool, on_event: OnEvent
@@ -59,8 +62,8 @@ def begin_with_output_off(
     if not take_over:
         raise InstrumentError(
             f"{supply.identify().address}: the output is on ({reading.current_A:.3f} A, {reading.voltage_V:.2f} V); "
-            "another program may use the supply or may have crashed; a run begins with the output off, and "
-            "--take-over switches it off first"
+            "another program may use the supply or may have crashed; a run begins with the output off"
+            f"{SWITCH_OFF_FIRST}"
         )
     limit = supply.limits.current_A
     coil = Coil(supply, bench.clock, ramp, asked_A=max(-limit, min(reading.current_A, limit)))

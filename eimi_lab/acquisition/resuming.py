@@ -24,6 +24,9 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import refuse_existing
 from eimi_lab.process.writer_lock import only_writer
 
+BEGIN_ANEW = "leave out --resume to begin a run"
+"""What a person at a terminal can do if the dataset of a run to resume does not exist."""
+
 
 @dataclass(frozen=True)
 class UnfinishedRun:
@@ -82,7 +85,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
         instruments or frames in the dataset. The message names the first difference.
     """
     if not path.exists():
-        raise InputError(f"{path}: no such file to resume; leave out --resume to begin a run")
+        raise InputError(f"{path}: no such file to resume; {BEGIN_ANEW}")
     with open_dataset(path) as dataset:
         if dataset.kind != "frames" or not dataset.resumable:
             raise InputError(f"{path}: was not written by a run that can be resumed")

@@ -66,6 +66,9 @@ from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
 
+CONTINUE_STORED = "`eimi acquire --resume` continues the run"
+"""What a person at a terminal can do after a dataset could not be written any more."""
+
 
 def _ignore() -> None:
     """Do nothing. This is the default of the argument `beat`, for a writer whose progress nobody monitors."""
@@ -191,9 +194,7 @@ class DatasetWriter:
             reason = os.strerror(int(number[1])) if number else str(error)
             stored = "no state was stored yet"
             if self._stored:
-                stored = (
-                    f"the {self._stored} states stored so far are safe, and `eimi acquire --resume` continues the run"
-                )
+                stored = f"the {self._stored} states stored so far are safe, and {CONTINUE_STORED}"
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:

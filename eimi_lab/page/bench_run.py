@@ -11,7 +11,7 @@ coil off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
 standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
-instructions for a terminal are replaced by those for the page (`AT_THE_PAGE`).
+instructions for a terminal are replaced by those for the page (`instructions`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from eimi_lab.acquisition.event_lines import from_line
-from eimi_lab.acquisition.event_words import CONTINUE_ENDED, CONTINUE_PAUSED, in_words, off_after
+from eimi_lab.acquisition.event_words import in_words, off_after
 from eimi_lab.acquisition.events import (
     ConditioningDone,
     Event,
@@ -49,6 +49,7 @@ from eimi_lab.acquisition.events import (
     Warned,
 )
 from eimi_lab.page.frame_memory import new_memory
+from eimi_lab.page.instructions import at_the_page
 from eimi_lab.page.opened_eyes import OpenedEyes, Seen
 from eimi_lab.page.watched_run import SIGNAL
 from eimi_lab.process.detached import detached
@@ -75,12 +76,6 @@ SAID = (
     FramesLost,
 )
 """The types of events that the page shows to the person as sentences."""
-
-AT_THE_PAGE = {
-    CONTINUE_PAUSED: "Resume continues the run, STOP ends it",
-    CONTINUE_ENDED: "to continue the run, tick “continue this dataset” and press Start",
-}
-"""What a user of the page has to do, by the instruction that a run gives to a user of a terminal."""
 
 AT_ONCE = (signal.SIGINT, signal.SIGTERM)  # two different signals, because the kernel merges two equal ones
 
@@ -379,7 +374,7 @@ class BenchRun:
             case StateStoredBefore():
                 progress.stored += 1
         if isinstance(event, SAID):
-            progress.said.append(_at_the_page(in_words(event)))
+            progress.said.append(at_the_page(in_words(event)))
         self._changed()
 
     def _estimate(self, at_s: float) -> None:
@@ -399,15 +394,4 @@ class BenchRun:
         assert self._run.stderr is not None
         async for raw in self._run.stderr:
             if line := raw.decode("utf-8", "replace").strip():
-                self.progress.last_words = _at_the_page(_SIGNAL_NAME.sub("", line.removeprefix("eimi: ")))
-
-
-def _at_the_page(words: str) -> str:
-    """Return the message of a run as the page shows it.
-
-    The message may tell a user of a terminal what to do, such as to give an option. Each such instruction is replaced
-    by what a user of the page has to do, such as to press a button.
-    """
-    for at_a_terminal, at_the_page in AT_THE_PAGE.items():
-        words = words.replace(at_a_terminal, at_the_page)
-    return words
+                self.progress.last_words = at_the_page(_SIGNAL_NAME.sub("", line.removeprefix("eimi: ")))

@@ -18,6 +18,7 @@ from starlette.routing import BaseRoute, Route
 from eimi_lab.page import choices
 from eimi_lab.page.data_folder import DataFolder
 from eimi_lab.page.frame_memory import new_memory
+from eimi_lab.page.instructions import at_the_page
 from eimi_lab.page.opened_eyes import OpenedEyes
 from eimi_lab.page.tabs import Tabs
 from eimi_lab.process.detached import detached
@@ -122,7 +123,7 @@ class CameraDesk:
         seeing = asyncio.create_task(eyes.see())
         assert process.stderr is not None
         async for line in process.stderr:
-            view.last_words = line.decode("utf-8", "replace").strip().removeprefix("eimi: ")
+            view.last_words = at_the_page(line.decode("utf-8", "replace").strip().removeprefix("eimi: "))
         await process.wait()
         without_tabs.cancel()
         eyes.kill()

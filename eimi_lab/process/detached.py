@@ -7,7 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 if sys.platform == "win32":
@@ -34,6 +36,8 @@ if sys.platform == "win32":
         asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
 
+
+SESSION_ATTEMPTS, SESSION_AGAIN_AFTER_S = 5, 0.1
 
 LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
 """Largest number of characters of one argument. A command line of Windows has at most 32767 (CreateProcessW)."""
@@ -116,6 +120,10 @@ def resume(process: subprocess.Popen[bytes]) -> None:
 def give_way(steps: int) -> None:
     """Lower the priority of this process.
 
+    Linux may share the processor time first among sessions (autogroup, sched(7)). A nice value then has an effect only
+    within a session. If this process leads a session (`detached`), the priority of the session is therefore lowered
+    too.
+
     Parameters
     ----------
     steps
@@ -124,5 +132,20 @@ def give_way(steps: int) -> None:
     """
     if sys.platform == "win32":
         _kernel.SetPriorityClass(ctypes.c_void_p(_kernel.GetCurrentProcess()), _BELOW_NORMAL_PRIORITY)
-    else:
-        os.nice(steps)
+        return
+    nice = os.nice(steps)
+    if os.getsid(0) == os.getpid():
+        _lower_session(nice)
+
+
+def _lower_session(nice: int) -> None:
+    """Give the session of this process a nice value, if the system has nice values of sessions."""
+    for _ in range(SESSION_ATTEMPTS):
+        try:
+            Path("/proc/self/autogroup").write_text(str(nice))
+        except BlockingIOError:  # without privileges, Linux accepts one change in a tenth of a second
+            time.sleep(SESSION_AGAIN_AFTER_S)
+        except OSError:  # another system, or Linux without autogroups
+            return
+        else:
+            return

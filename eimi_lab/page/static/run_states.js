@@ -4,7 +4,8 @@ import { state } from "./live.js";
 import { plot } from "./plot.js";
 
 const AGAIN_MS = 500;
-const nothingOf = ({ number, dataset }) => ({ number, dataset, states: [], edges: [], moduli: new Map() }); // moduli: by number of states
+const MODULI_SHARE = 0.2;
+const nothingOf = ({ number, dataset }) => ({ number, dataset, states: [], edges: [], moduli: new Map(), nextModulusMs: 0 }); // moduli: by number of states
 let taken = nothingOf({ number: 0, dataset: "" });
 let reading = false;
 
@@ -33,20 +34,27 @@ async function readStates() {
   reading = false;
 }
 
-// Read the next missing result: first the edges of every state, then the newest modulus, then the earlier moduli. Return whether a result was missing.
+// Read the next missing result: the edges of every state, the newest modulus, then the earlier moduli. Return whether a result was missing.
+// While edges are missing, a modulus of the states with edges is read too, but the moduli take at most the share MODULI_SHARE of the time.
 async function readNext(mine) {
   const { dataset: file, states, edges, moduli } = mine;
   if (states.length < state.run.stored) mine.states = (await ask("/api/dataset", { file })).states;
-  const many = mine.states.length;
-  if (edges.length < many) {
+  const many = mine.states.length, edgesMissing = edges.length < many;
+  if (edgesMissing && (!edges.length || moduli.has(edges.length) || performance.now() < mine.nextModulusMs)) {
     edges.push(await ask("/api/dataset/edges", { file, state: edges.length }));
     if (mine === taken) showPlot();
     return true;
   }
-  for (let first = many; first > 0; first--) {
+  for (let first = edges.length; first > 0; first--) {
     if (moduli.has(first)) continue;
     moduli.set(first, null); // asked for only once, also if there is no modulus
-    moduli.set(first, await ask("/api/dataset/modulus", { file, states: first }));
+    const beganMs = performance.now();
+    try {
+      moduli.set(first, await ask("/api/dataset/modulus", { file, states: first }));
+    } finally {
+      const endedMs = performance.now();
+      mine.nextModulusMs = endedMs + (endedMs - beganMs) * (1 / MODULI_SHARE - 1);
+    }
     if (mine === taken) showModulus("");
     return true;
   }

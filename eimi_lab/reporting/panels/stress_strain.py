@@ -34,10 +34,16 @@ Array = NDArray[np.float64]
 
 _STRAINS = 61
 _MOST_PERCENT = 50.0  # of difference in the panel of differences
+_ROWS = 2  # kinds of fitted data in a figure; low figures leave less of a printed page empty
 _HEADROOM = 1.5  # upper limit of the axis, relative to the largest measured stress
 
 
-def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent_to: float | None) -> Drawing:
+def drawn_stress(
+    fits: Sequence[ShownFit],
+    points: Sequence[TensilePoints],
+    bent_to: float | None,
+    origins: Sequence[str] | None = None,
+) -> Drawing:
     """Draw stress against strain: a column for each mode of deformation, a row for each kind of fitted data.
 
     The line of a fit is solid within the data of the fit, and thin and dashed beyond the data. Strains that no bent
@@ -47,22 +53,25 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
     Parameters
     ----------
     fits : sequence of ShownFit
-        The fits to draw.
+        The fits of the report.
     points : sequence of TensilePoints
         Measured points of tensile tests.
     bent_to : float or None
         The largest strain of a bent specimen.
+    origins : sequence of str, optional
+        The kinds of fitted data to draw; by default all kinds. The relative differences are drawn with the last kind.
     """
-    origins = list(dict.fromkeys(shown.origin for shown in fits))
-    several = len(fits) > 1
-    # The rows of many kinds of data are lower, so that the figure fits on a printed page beside other parts.
-    drawing = Drawing(min(1.7 * len(origins), 0.9 * len(origins) + 1.6) + 1.2 * several + 0.5)
-    rows = len(origins) + several
-    heights = [1.0] * len(origins) + [0.7] * several
+    every_origin = _origins(fits)
+    origins = every_origin if origins is None else origins
+    compared = len(fits) > 1 and origins[-1] == every_origin[-1]
+    height_in = 1.7 if len(every_origin) <= _ROWS else 1.3
+    drawing = Drawing(height_in * len(origins) + 1.2 * compared + 0.5)
+    rows = len(origins) + compared
+    heights = [1.0] * len(origins) + [0.7] * compared
     grid = drawing.subplots(rows, len(MODES), sharex=True, sharey="row", squeeze=False, height_ratios=heights)
-    comparison = grid[-1] if several else []
+    comparison = grid[-1] if compared else []
     strain = np.linspace(0, largest_strain(fits), _STRAINS)
-    top = max((float(test.stress_Pa.max(initial=0)) for test in points), default=0.0)
+    top = _top(fits, points, strain)
     for axes, mode in zip(comparison, MODES, strict=False):
         _draw_ratios(axes, fits, strain, mode)
         label(axes, mode.strain + ", %", f"relative to\n{fits[0].fit.model}, %")
@@ -78,10 +87,7 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
                     )
             for shown in fits:
                 if shown.origin == origin:
-                    end = reached(shown, mode)
-                    curve = stress_curve(shown, np.union1d(strain, [end] if end < strain[-1] else []), mode)
-                    _draw(axes, curve, end)
-                    top = top if points else max(top, float(curve.stress_Pa.max()))
+                    _draw(axes, stress_curve(shown, _strains_of(shown, strain, mode), mode), reached(shown, mode))
             label(axes, mode.strain + ", %", "\n".join([*wrap(f"fitted to {origin}", 18), "stress, kPa"]))
             axes.set_xlim(0, 100 * strain[-1])
             axes.label_outer()
@@ -91,6 +97,24 @@ def drawn_stress(fits: Sequence[ShownFit], points: Sequence[TensilePoints], bent
         row[0].set_ylim(-0.02e-3 * top, _HEADROOM * 1e-3 * top if points else 1.1e-3 * top)
     _legend(drawing, [axes for row in grid for axes in row])
     return drawing
+
+
+def _origins(fits: Sequence[ShownFit]) -> list[str]:
+    return list(dict.fromkeys(shown.origin for shown in fits))
+
+
+def _strains_of(shown: ShownFit, strain: Array, mode: Mode) -> Array:
+    """Return the strains at which the stress of a fit is drawn: `strain`, shape (n,), and the end of the fit's data."""
+    end = reached(shown, mode)
+    return np.union1d(strain, [end] if end < strain[-1] else [])
+
+
+def _top(fits: Sequence[ShownFit], points: Sequence[TensilePoints], strain: Array) -> float:
+    """Return the largest stress (Pa) that is measured or, without measured points, computed at `strain`, shape (n,)."""
+    if points:
+        return max(float(test.stress_Pa.max(initial=0)) for test in points)
+    curves = [stress_curve(shown, _strains_of(shown, strain, mode), mode) for shown in fits for mode in MODES]
+    return max(float(curve.stress_Pa.max()) for curve in curves)
 
 
 def _draw(axes: Axes, curve: StressCurve, end: float) -> None:
@@ -140,13 +164,24 @@ def _values(report: ReportContents) -> dict[str, Any] | None:
             f" Shaded: strains beyond {100 * bent_to:.1f} % (or the shear with the same stretch), the largest strain "
             "of any bent specimen. There a law identified by bending is an extrapolation."
         )
-    if len(report.fits) > 1:
-        words += f" Last row: relative difference of the stress from the stress of {report.fits[0].label}."
-    caption = " ".join([words, BAND, *missing])
-    drawn = drawn_stress(report.fits, points, bent_to)
-    return {"picture": Picture("stress_strain", drawn, "stress against strain of each law", caption)}
+    last_row = f"Last row: relative difference of the stress from the stress of {report.fits[0].label}."
+    origins = _origins(report.fits)
+    pictures = []
+    for first in range(0, len(origins), _ROWS):
+        shown = origins[first : first + _ROWS]
+        caption = [f"Laws fitted to {' and '.join(shown)}."] if len(origins) > _ROWS else []
+        caption += ["Drawn as in the figure before."] if first else [words]
+        caption += [last_row] if len(report.fits) > 1 and shown[-1] == origins[-1] else []
+        caption += [] if first else [BAND, *missing]
+        drawn = drawn_stress(report.fits, points, bent_to, shown)
+        pictures.append(Picture("stress_strain", drawn, "stress against strain of each law", " ".join(caption)))
+    return {"pictures": pictures}
 
 
 PANEL = ReportPanel(
-    place=20, title="Stress against strain", template="{{ picture | figure }}", values=_values, of_fits=True
+    place=20,
+    title="Stress against strain",
+    template="{% for picture in pictures %}{{ picture | figure }}{% endfor %}",
+    values=_values,
+    of_fits=True,
 )

@@ -13,7 +13,7 @@ from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing, label
+from eimi_lab.showing.drawing import Drawing
 
 _CAPTION = (
     "The standard deviation of the initial shear modulus due to each source of uncertainty alone. The standard "
@@ -42,20 +42,26 @@ def shares(fit: FitRecord) -> list[tuple[str, float]]:
 
 
 def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
-    """Draw bars for each fit: the standard deviation of the modulus that each source of uncertainty causes."""
-    rows = [shares(fit) for _, fit in fits]
-    drawing = Drawing(0.5 * len(rows) + 0.22 * sum(map(len, rows)) + 0.3)
-    grid = drawing.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=[len(row) + 1 for row in rows])
-    for (shown, _), row, axes in zip(fits, rows, grid[:, 0], strict=True):
-        bars = axes.barh(range(len(row)), [size for _, size in row], color=shown.colour, height=0.7)
-        axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=8)
+    """Draw bars for each fit: the standard deviation of the modulus that each source of uncertainty causes.
+
+    The axes of several fits stand in two columns, so that the figure fits on a printed page beside other parts.
+    """
+    bars = [shares(fit) for _, fit in fits]
+    columns = min(2, len(fits))
+    most = [max(map(len, bars[first : first + columns])) for first in range(0, len(fits), columns)]
+    drawing = Drawing(0.5 * len(most) + 0.22 * sum(most) + 0.3)
+    grid = drawing.subplots(len(most), columns, sharex=True, squeeze=False, height_ratios=[many + 1 for many in most])
+    for (shown, _), row, axes in zip(fits, bars, grid.flat, strict=False):
+        drawn = axes.barh(range(len(row)), [size for _, size in row], color=shown.colour, height=0.7)
+        axes.bar_label(drawn, fmt="%.2g", padding=3, fontsize=8)
         axes.set_yticks(range(len(row)), [words for words, _ in row])
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
         axes.margins(x=0.1)
         axes.set_title(shown.label, loc="left")
-        label(axes, "standard deviation of the initial shear modulus, %", "")
-        axes.label_outer()
+    for axes in grid.flat[len(fits) :]:
+        axes.set_axis_off()
+    drawing.supxlabel("standard deviation of the initial shear modulus, %", fontsize=9)
     return drawing
 
 

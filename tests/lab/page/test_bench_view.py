@@ -130,7 +130,10 @@ def test_a_run_that_fails_shows_its_reason_and_nothing_of_the_previous_run(
     reason = page.locator("#outcome-words").bounding_box()
     assert reason["x"] > 300  # beside the form, above the picture
     assert reason["y"] < 300
-    assert "No state was stored" in page.locator("#outcome").inner_text()
+    outcome = page.locator("#outcome").inner_text()
+    assert "No state was stored" in outcome
+    assert "choose “virtual” under Rig" in outcome
+    assert not re.search(r"--[a-z]", outcome)  # words for a terminal
     assert page.locator("#live-plot circle.dot").count() == 0
     assert page.locator("#values").inner_text() == ""
     assert not page.locator("#modulus").is_visible()
