@@ -13,13 +13,14 @@ from eimi_lab.reporting.contents import ReportContents
 from eimi_lab.reporting.elements import Picture
 from eimi_lab.reporting.panel import ReportPanel
 from eimi_lab.reporting.shown import ShownFit
-from eimi_lab.showing.drawing import Drawing
+from eimi_lab.showing.drawing import Drawing, label
 
 _CAPTION = (
     "The standard deviation of the initial shear modulus due to each source of uncertainty alone. The standard "
     "deviation due to all sources is the root of the sum of squares. The 95 % interval extends about twice this value "
     "to each side."
 )
+_QUANTITY = ("standard deviation of the", "initial shear modulus, %")
 _MOST = 8  # sources with a bar each; the others share a bar
 
 
@@ -59,9 +60,11 @@ def drawn_budget(fits: Sequence[tuple[ShownFit, FitRecord]]) -> Drawing:
         axes.grid(axis="y", visible=False)
         axes.margins(x=0.1)
         axes.set_title(shown.label, loc="left")
+    for axes in grid.flat[max(0, len(fits) - columns) : len(fits)]:  # the lowest axes of each column
+        label(axes, ("\n" if columns > 1 else " ").join(_QUANTITY), "")
+        axes.tick_params(labelbottom=True)
     for axes in grid.flat[len(fits) :]:
         axes.set_axis_off()
-    drawing.supxlabel("standard deviation of the initial shear modulus, %", fontsize=9)
     return drawing
 
 
