@@ -12,12 +12,14 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from eimi_lab.process.detached import give_way
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.workers import leave_with_parent, start_resource_tracker
 
 T = TypeVar("T")
 
 LONGEST_S = 120.0
+GIVES_WAY = 5  # number that is added to the nice value, so that the server answers STOP first
 
 
 class Worker:
@@ -39,7 +41,7 @@ class Worker:
         """
         if self._pool is None:
             start_resource_tracker()
-            self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), leave_with_parent)
+            self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
         pool = self._pool
         try:
             return await asyncio.wait_for(asyncio.wrap_future(pool.submit(function, *arguments)), LONGEST_S)
@@ -64,3 +66,8 @@ class Worker:
             process.kill()
         if self._pool is pool:
             self._pool = None
+
+
+def _begin() -> None:
+    leave_with_parent()
+    give_way(GIVES_WAY)

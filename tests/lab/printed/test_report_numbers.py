@@ -25,6 +25,8 @@ from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
+from eimi_lab.reporting.contents import ReportContents
+from eimi_lab.reporting.panels import stress_strain
 from eimi_lab.reporting.panels.causes import table_of_causes
 from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches
 from eimi_lab.reporting.panels.error_against_field import drawn_errors
@@ -132,6 +134,26 @@ def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: Fi
     assert (at_end.min(), at_end.max()) == pytest.approx(tuple(1e-3 * ends[:, 0]), rel=1e-2)
 
 
+def test_the_stress_of_many_kinds_of_data_is_drawn_in_figures_of_two_kinds(
+    fit: FitRecord, tensile: TensileRecord, shown: Shown
+) -> None:
+    fits = [replace(shown(fit), origin="bending")]
+    fits += [replace(shown(tensile), origin=f"tensile {percent} %") for percent in (20, 50)]
+    values = stress_strain.PANEL.values(ReportContents(tuple(fits), (), datetime.now(UTC)))
+    first, second = values["pictures"]
+    rows = [[axes.get_ylabel() for axes in picture.figure.axes[::3]] for picture in (first, second)]
+    assert rows == [
+        ["fitted to bending\nstress, kPa", "fitted to tensile\n20 %\nstress, kPa"],
+        ["fitted to tensile\n50 %\nstress, kPa", "relative to\nneo-hookean, %"],
+    ]
+    assert first.figure.axes[0].get_ylim() == second.figure.axes[0].get_ylim()
+    assert first.caption.startswith("Laws fitted to bending and tensile 20 %. Engineering stress")
+    assert second.caption.startswith("Laws fitted to tensile 50 %. Drawn as in the figure before. Last row")
+    (alone,) = stress_strain.PANEL.values(ReportContents(tuple(fits[:2]), (), datetime.now(UTC)))["pictures"]
+    assert alone.caption.startswith("Engineering stress")
+    assert "Last row" in alone.caption
+
+
 def test_the_budget_s_bars_are_standard_deviations_of_the_modulus(fit: FitRecord, shown: Shown) -> None:
     percent_of = dict(shares(fit))
     assert percent_of["width"] == 3.0
@@ -141,6 +163,9 @@ def test_the_budget_s_bars_are_standard_deviations_of_the_modulus(fit: FitRecord
     assert dict(shares(many))["5 smaller sources"] == pytest.approx(expected)
     (axes,) = drawn_budget([(shown(fit), fit)]).axes
     assert axes.patches[0].get_width() == 3.0
+    three = [axes for axes in drawn_budget([(shown(fit), fit)] * 3).axes if axes.axison]
+    assert [axes.get_subplotspec().colspan.start for axes in three] == [0, 1, 0]
+    assert [axes.get_xlabel() != "" for axes in three] == [False, True, True]  # the lowest axes of each column
 
 
 def test_quantities_of_the_report_have_their_interval_and_their_unit(fit: FitRecord) -> None:
