@@ -10,6 +10,7 @@ from typing import Any
 
 from eimi_lab.fits.fits_file import read_fits_file
 from eimi_lab.fits.records import FitRecord
+from eimi_lab.reporting.rounded import value_and_interval
 
 MOST_BUDGET = 6
 
@@ -17,10 +18,10 @@ MOST_BUDGET = 6
 def summaries(path: Path) -> list[dict[str, Any]]:
     """Return a summary of each fit of a bent beam in a result file, as JSON objects.
 
-    A summary contains the modulus and the parameters of the law with their 95 % intervals, and the error of each state
-    against the field. It also contains the uncertainty budget (the sources of uncertainty with the contribution of each
-    source to the modulus in percent), the doubts (reasons to distrust the result), and the error in each generation of
-    the search.
+    A summary contains the modulus and the parameters of the law with their 95 % intervals, a sentence with the modulus
+    in kPa (or a larger unit), and the error of each state against the field. It also contains the uncertainty budget
+    (the sources of uncertainty with the contribution of each source to the modulus in percent), the doubts (reasons to
+    distrust the result), and the error in each generation of the search.
 
     Raises
     ------
@@ -32,10 +33,12 @@ def summaries(path: Path) -> list[dict[str, Any]]:
 
 def _summary(fit: FitRecord) -> dict[str, Any]:
     modulus = fit.initial_shear_modulus
+    value, interval = value_and_interval(modulus)
+    in_pascal = fit.modulus_in_words()
     return {
         "model": fit.model,
         "modulus": [modulus.value, modulus.unit, *(modulus.interval_95 or (None, None))],
-        "summary": fit.summary(),
+        "summary": fit.summary().replace(in_pascal, f"{value} (95 % interval: {interval})"),
         "parameters": {
             name: [quantity.value, quantity.unit, *(quantity.interval_95 or (None, None))]
             for name, quantity in fit.parameters.items()

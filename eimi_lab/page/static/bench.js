@@ -52,7 +52,7 @@ byId("order").addEventListener("submit", tried(async () => {
 for (const act of ["pause", "go-on", "end"]) byId(act).addEventListener("click", tried(() => steer(`/api/run/${act}`)));
 
 const minutes = (seconds) => seconds === null ? "—" : seconds < 90 ? `${Math.round(seconds)} s` : `${Math.round(seconds / 60)} min`;
-const percent = (share) => share === null || share === undefined ? "no rating in the rig file" : `${number(100 * share)} %`;
+const percent = (share) => share === null || share === undefined ? "no rating" : `${number(100 * share)} %`;
 const PHASES = { beginning: "starting", running: "▶ running", pausing: "will pause after this state", paused: "❚❚ paused, coil off",
   ending: "ending with a ramp down", stopping: "■ stopping", ended: "ended" };
 
@@ -72,7 +72,7 @@ function showState({ run, control, camera = null }) {
   if (!run) return;
   if (run.number !== lastRun) forget(lastRun = run.number);
   if (run.phase !== "beginning" && byId("told").textContent === BEGINS) tell("");
-  if (lastAbout && shownRun === run.number) showValues(goingOn ? lastAbout : { ...lastAbout, rate_Hz: 0 });
+  if (lastAbout && shownRun === run.number) showValues(lastAbout);
   if (!goingOn && lastAbout && shownRun === run.number) picture.canvas.setAttribute("aria-label", "the last picture of the run");
   if (!goingOn && !lastAbout && run.stored && shownRun === run.number) showStored(run).catch((error) => tell(error.message, true));
   byId("progress").max = run.states || 1;
@@ -95,7 +95,8 @@ function showCameraWords() {
   const live = shownRun === 0 && lastAbout !== null;
   byId("camera-words").textContent = camera?.open ? (live ? `live camera of ${camera.rig}, without a run` : `opening the camera of ${camera.rig} …`)
     : camera?.last_words && run?.phase !== "running" ? `no live picture: ${camera.last_words}`
-    : storedOf && storedOf === shownRun && !lastAbout ? `the last state of ${run.dataset}` : "";
+    : storedOf && storedOf === shownRun && !lastAbout ? `the last state of ${run.dataset}`
+    : run === null ? "“Live camera” shows the picture of the chosen rig. “Start” begins a run." : "";
 }
 
 // Show the last state of an ended run of which this tab received no frame, as after a reload.
@@ -170,13 +171,13 @@ function currents(about) {
 }
 
 function showValues(about) {
-  const [set, measured, field] = currents(about);
+  const [set, measured, field] = currents(about), ended = about.run !== 0 && state.run.phase === "ended"; // the last frame may arrive after the end
   facts(byId("values"), [
     ["set current", set],
     ["measured current", measured],
     ["field", field],
     ["heat of the coil", about.run === 0 ? "—" : percent(about.heat_share)],
-    ["frame rate", `${number(about.rate_Hz, 2)} Hz`],
+    ["frame rate", `${number(ended ? 0 : about.rate_Hz, 2)} Hz`],
     ["blur σ (focus)", lastEdges?.blur_px ? `${number(lastEdges.blur_px)} px (limit ${number(lastEdges.blur_limit_px)})` : "—"],
     ["tip angle", lastEdges ? withSigma(lastEdges.tip_angle_deg, lastEdges.tip_angle_sigma_deg, "°") : "—"],
   ]);

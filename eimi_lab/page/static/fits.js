@@ -10,7 +10,8 @@ export async function showFits(dataset) {
   if (file !== dataset) {
     file = dataset;
     stored = null;
-    for (const id of ["fit-result", "fit-plot"]) byId(id).replaceChildren();
+    byId("fit-result").replaceChildren();
+    forgetPlot();
     byId("fit-report").hidden = true;
     shown = stageOf(state.fit);
     showProgress();
@@ -23,7 +24,7 @@ export async function showFits(dataset) {
   if (report) byId("fit-report").href = report;
   byId("fit-result").replaceChildren(...fits.flatMap(result));
   if (fits.length) converge(fits[0].generations);
-  else byId("fit-plot").replaceChildren();
+  else forgetPlot();
   showProgress();
 }
 
@@ -38,9 +39,15 @@ function result(fit) {
   ];
 }
 
+function forgetPlot() {
+  byId("fit-plot").replaceChildren();
+  byId("fit-plot-words").hidden = true;
+}
+
 function converge(generations) {
-  plot(byId("fit-plot"), generations.map(([generation, best]) => ({ x: generation, y: Math.log10(1e3 * best), title: `${number(1e3 * best)} µm` })),
-    { x: "generation", y: "log10 of the best error, µm", small: true, whole: true });
+  byId("fit-plot-words").hidden = false;
+  plot(byId("fit-plot"), generations.map(([generation, best]) => ({ x: generation, y: 1e3 * best, title: `${number(1e3 * best)} µm` })),
+    { x: "generation of the search", y: "smallest error, µm", small: true, whole: true });
 }
 
 const stageOf = (fit) => fit && fit.dataset === file ? `${fit.number} ${fit.phase}` : "";

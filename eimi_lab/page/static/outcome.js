@@ -15,7 +15,7 @@ export function showOutcome(run) {
   const stored = run.stored ? `${run.stored} of ${run.states} states are stored in ${run.dataset}.` : "No state was stored.";
   byId("outcome-title").textContent = stopped ? "The run was stopped" : incomplete ? "The run did not complete" : "The run is complete";
   byId("outcome-words").textContent = incomplete && run.last_words ? run.last_words : stored;
-  byId("outcome-stored").textContent = incomplete && run.last_words ? stored : "";
+  byId("outcome-stored").textContent = incomplete && run.last_words && !run.last_words.includes(" states are in ") ? stored : "";
   byId("fit-this").hidden = !run.stored;
   const stage = `${run.number} ${state.fit?.number} ${state.fit?.phase}`;
   if (run.stored && stage !== shown) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 from tests.lab.page.test_bench_view import frames_arrive
@@ -39,6 +40,15 @@ def test_a_camera_that_cannot_be_opened_gives_its_reason_instead_of_a_picture(
     page.get_by_text("no live picture: ").wait_for()
     assert "missing.mp4" in page.locator("#camera-words").inner_text()
     assert page.get_by_role("button", name="Start").is_enabled()
+
+
+def test_an_empty_folder_offers_the_virtual_rig_and_says_how_to_see_its_camera(
+    dashboard: Any, tab: Any, tmp_path: Path
+) -> None:
+    page = tab(dashboard(tmp_path)[1])
+    page.locator("#rig option").first.wait_for(state="attached")
+    page.get_by_text("“Live camera” shows the picture of the chosen rig. “Start” begins a run.").wait_for()
+    assert page.locator("#rig").input_value() == "virtual"
 
 
 def test_edges_are_drawn_only_while_the_picture_resembles_the_picture_in_which_they_were_detected(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -92,10 +93,15 @@ def test_a_run_is_fitted_and_its_report_opened(served: Any, tab: Any, rod: Path)
     page.get_by_role("button", name="Fit", exact=True).click()
     page.get_by_text("neo-hookean: done").wait_for()
     page.get_by_text("Fit again and replace this fit").wait_for()
-    assert "only noise" in page.locator("#fit-result").inner_text()
+    result = page.locator("#fit-result").inner_text()
+    assert "only noise" in result
     assert page.locator("#fit-plot circle.dot").count() > 3  # the plot of the convergence
+    assert "so that the error of the result is usually smaller" in page.locator("#fit-plot-words").inner_text()
     (fit,) = json.loads(rod.with_suffix(".fits.json").read_text())["fits"]
     assert fit["initial_shear_modulus"]["value"] == pytest.approx(YOUNG_PA / 3, rel=0.02)
+    shown = re.search(r"initial shear modulus ([\d.]+)\skPa \(95 % interval: ([\d.]+) to ([\d.]+)\skPa", result)
+    numbers = [fit["initial_shear_modulus"]["value"], *fit["initial_shear_modulus"]["interval_95"]]
+    assert [float(text) for text in shown.groups()] == pytest.approx([1e-3 * number for number in numbers], abs=0.006)
     report = served.ask(page.locator("#fit-report").get_attribute("href"))
     assert report.status == 200
     assert b"rod" in report.body
