@@ -29,8 +29,8 @@ def cause_doubts(
 
     A cause is a possible error of the bench. It matters under one of two conditions. First, the modulus that is
     corrected for the cause lies outside the 95 % interval of the modulus. Second, the most probable causes explain more
-    than half of the mean error. The second condition does not apply if files state the uncertainties of these causes,
-    because the interval then contains their effect.
+    than half of the mean error (the mean over the states of the root mean square residual). The second condition does
+    not apply if files state the uncertainties of these causes, because the interval then contains their effect.
 
     The doubt also names the causes that the residuals do not distinguish from the first one. There is no doubt about a
     cause that the fit has taken into account. If most probably no listed cause is present, and residuals exceed ten
@@ -74,7 +74,7 @@ def _concerns(
 
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
-    """Return whether a file states the uncertainty of a cause, or of a cause that the residuals do not distinguish."""
+    """Return whether a file states the uncertainty of a cause, or of another cause that changes the residuals alike."""
     possible = {one.name: one.source for one in POSSIBLE_CAUSES}
     sources = {possible[name] for name in (cause.name, *cause.like)} - {""}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
@@ -105,7 +105,10 @@ def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
 
 
 def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
-    """Return the causes of the residuals, and the changes of the modulus in per cent, in few words."""
+    """Return in few words which causes the residuals may have, and by how much these would change the modulus.
+
+    ``shifts`` is the smallest and the largest change of the modulus in per cent.
+    """
     possible = {one.name: one.words for one in POSSIBLE_CAUSES}
     others = rivals(causes)
     either = (causes[0], *others) if others else _present(causes)

@@ -12,8 +12,8 @@ residuals for amplitudes of one. A hypothesis H is a set of causes. The model of
 with the inverse variance P of the priors of the fit and the usual size size_a of the cause. The noise e has the level
 sigma and the correlation tau of neighbouring points. The error d is the part that no listed cause explains. It has the
 size eta in mm and the covariance G, which is smooth along an edge and over the loads (Kennedy and O'Hagan 2001, J. R.
-Stat. Soc. B 63:425). The columns of J also contain the remaining errors of the finer mesh and of the three-dimensional
-model.
+Stat. Soc. B 63:425). J has further columns for the errors that remain after the corrections by a finer mesh and by a
+three-dimensional model.
 
 The evidence p(r | H) is the probability density of the residuals. It has a closed form for a linear Gaussian model. Let
 L = sigma^2 tau + eta^2 G, let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L)
@@ -26,8 +26,9 @@ eta = 0 and 17 values from 1e-4 to 1 mm with equal distances in ln eta.
 
 The prior of the amplitudes. h vanishes at zero, so that a second cause of negligible size does not explain small errors
 of the beam model (a non-local prior: Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143). It multiplies the evidence
-of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a / size_a|^2, the largest among the
-amplitudes that make up the value of the cause. The factor is near one for amplitudes well above 0.3 of the usual size.
+of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a / size_a|^2. If the value of a cause is
+computed from several amplitudes, m is the largest of their means. The factor is near one for amplitudes well above 0.3
+of the usual size.
 
 The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes has the
 prior probability 1 / M. The probability of a hypothesis with |H| causes is therefore proportional to
@@ -38,11 +39,11 @@ probability equally (`inference.doubts.collinear_causes`).
 The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
 along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
 only in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from
-the linear model is added to r (Gauss-Newton). Errors of the simulation are added to the noise under every hypothesis.
-They are 1 per cent of each change by the most probable hypothesis, and the remaining error of the finer mesh and of the
-three-dimensional model. These errors are smooth along an edge and alike in states of similar loads, as d is.
-Independent errors would be too small on average over many states, and a second cause would then explain the rest with a
-probability near one.
+the linear model is added to r (Gauss-Newton). Two errors of the simulation are added to the noise under every
+hypothesis: the errors that remain after the corrections by better models, and 1 per cent of each change of the
+residuals under the most probable hypothesis. These errors are smooth along an edge and alike in states of similar
+loads, as d is. Independent errors would be too small on average over many states, and a second cause would then explain
+the rest with a probability near one.
 """
 
 from __future__ import annotations
@@ -104,9 +105,9 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The possible causes of the residuals of a fit, and the errors that would remain with each cause.
+    """The possible causes of the residuals of a fit, and the residuals that would remain with each cause.
 
-    A cause is a possible error of the bench, such as a tilted camera. An error is a root mean square residual in mm.
+    A cause is a possible error of the bench, such as a tilted camera. A hypothesis is a set of causes that are present.
 
     Parameters
     ----------
@@ -116,16 +117,16 @@ class Weighed:
         Names of the causes that the fit has taken into account, because the inputs were freed (determined by the fit)
         or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        For each cause by name, one array for each experiment: the errors in mm of the K states if the fit took only
-        this cause into account.
+        For each cause by name, one array for each experiment: the root mean square residuals in mm of the K states if
+        the fit took only this cause into account.
     modulus_percent : tuple of float
-        Range of the changes of the initial shear modulus in per cent, compared with the fit, if the causes are taken
-        into account: the smallest and the largest change. A hypothesis is a set of causes that are present. The range
-        contains the changes of the most probable hypotheses, which together have a probability of 0.95.
+        Smallest and largest change of the initial shear modulus in per cent, compared with the fit, if the fit took the
+        causes of a hypothesis into account. The most probable hypotheses are compared, which together have a
+        probability of 0.95.
     most_probable : frozenset of str
         Names of the causes of the most probable hypothesis.
     beside_the_fit : float
-        Probability that a cause is present which the fit has not taken into account.
+        Probability that at least one cause is present which the fit has not taken into account.
     remaining : tuple of ndarray, shape (K, G, m), or None
         For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups of m points
         in K states. None if the beam model finds no equilibrium.
@@ -155,8 +156,8 @@ def weighed_causes(
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
-        The corrections by better beam models. The remaining errors of the corrections can explain a part of the
-        residuals beside any cause.
+        The corrections by better beam models. The errors that they leave can explain a part of the residuals, whichever
+        causes are present.
     possible : sequence of PossibleCause
         The causes to weigh.
 
@@ -164,9 +165,9 @@ def weighed_causes(
     -------
     Weighed
         The causes with probabilities of at least 0.001. An input that the fit determined (a freed input) or that was
-        measured is also a cause, whose value is the deviation of the input from its stated value. There is no cause if
-        the planar model on the coarse mesh of the search has no equilibrium at the optimum, or if no cause changes the
-        residuals.
+        measured is also a cause, whose value is the deviation of the input from its stated value. ``causes`` is
+        empty if the planar model on the coarse mesh of the search has no equilibrium at the optimum, or if no cause
+        changes the residuals.
     """
     about = About.of(problem, optimum, possible)
     if not about.solved:

@@ -110,13 +110,14 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the errors of the K states in mm if the clamp in the picture is displaced from its stated
-        position. If these are smaller, they are checked instead, so that a fit with a displaced clamp is not refused.
+        For each experiment, the root mean square residuals of the K states in mm if the clamp may be displaced in the
+        picture. The smaller of both residuals of a state is checked, so that a fit with a displaced clamp is not
+        refused.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether priors or tensile curves raise the objective of the optimum to its largest value
-        (`Evaluation.beyond`). Every state then counts as not explained.
+        Whether tensile curves or priors contradict the optimum so strongly that its objective has the largest possible
+        value. Every state then counts as not explained.
 
     Raises
     ------
@@ -235,9 +236,10 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior that is more than three standard deviations from the other evidence.
+    """Return a doubt for each prior that differs by more than three standard deviations from the other evidence.
 
-    A doubt is a reason to distrust the fit. The other evidence is the edges, the tensile curves and the other priors.
+    A doubt is a reason to distrust the fit. ``distances`` has one number for each prior: the difference between the
+    prior and the value that the other evidence (edges, tensile curves, other priors) gives, in standard deviations.
     """
     return tuple(
         Doubt(
@@ -281,7 +283,8 @@ def doubts(
     missing : sequence of str
         One sentence for each error that the intervals do not contain, such as the error of the mesh.
     is_named : bool
-        Whether the interval of the modulus contains the effect of the causes that explain the residuals.
+        Whether the interval of the modulus contains the effect of the causes that explain the residuals. The doubt
+        about large residuals then does not warn that the intervals are too narrow.
 
     Returns
     -------
@@ -310,7 +313,7 @@ def doubts(
 
 
 def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
-    """Return each experiment with its misfit at the optimum."""
+    """Return each experiment together with its residuals (the misfit) in the comparison ``final``."""
     return zip(experiments, final.misfits, strict=True)
 
 
@@ -331,7 +334,11 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square stated uncertainty of the points of K states in mm, (K,); infinite without points."""
+    """Return the stated uncertainty of K states in mm, (K,): the root mean square over the points that the fit uses.
+
+    The uncertainty that was added for flags (defects of a picture) is included. A state without points has an infinite
+    uncertainty.
+    """
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -1,8 +1,8 @@
 """Find causes (errors of the bench) that change the residuals alike, and give these causes equal probabilities.
 
-When are two causes alike? Let e_a be the residuals that remain if only the cause a is present, with its most probable
-amplitudes, and e_0 those that remain without a cause. Both are in units of the noise, and are computed after the most
-probable change of the law. S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
+When are two causes alike? Let e_a be the residuals that remain if only the cause a is present, and e_0 those that
+remain without a cause. Both are in units of the noise. The amplitudes of the cause and the parameters of the law have
+their most probable values. S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
 explain. If S_a and S_b of two causes have the same length |S| and the angle phi between them,
 
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2).
@@ -16,9 +16,9 @@ Causes that are alike form a class of at most three. A cause with a negligible v
 
 The data do not decide between the causes of a class. Their evidence (the probability density of the residuals) differs
 only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam that is 9 mm
-nearer change the residuals alike. 3 per cent are three usual sizes of the first cause, so that the evidence would
-favour the second cause, even if the scale is wrong. Hypotheses (sets of causes) that differ only in the choice within a
-class therefore share their probability equally.
+nearer change the residuals alike. The usual error is 1 per cent for a scale and 5 mm for a distance. The evidence would
+therefore favour the distance, even if the scale is wrong. Hypotheses (sets of causes) that differ only in the choice
+within a class therefore share their probability equally.
 """
 
 from __future__ import annotations

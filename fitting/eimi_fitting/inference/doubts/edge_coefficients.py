@@ -2,9 +2,9 @@
 
 Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
 describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
-the beam model is similar in states with similar loads and on both edges, so that its coefficients are correlated.
-Linear combinations of the states and of the edges, such as the sum and the difference of the two edges, are chosen in
-which they are not correlated. The coefficients of the residuals are converted to these combinations.
+the beam model is similar in states with similar loads and on both edges, so that its coefficients for different states
+and edges are correlated. The coefficients are therefore replaced by linear combinations that are not correlated, such
+as the sum and the difference of the two edges.
 """
 
 from __future__ import annotations
@@ -42,10 +42,11 @@ class Projection:
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
         For each experiment, two orthogonal matrices. The columns of ``over_states`` are K linear combinations of the K
         states, and the columns of ``over_groups`` G linear combinations of the G groups. In these combinations, the
-        coefficients of an unexplained error are independent of each other.
+        coefficients of the unexplained part of the residuals are independent of each other. The unexplained part is
+        neither noise nor the effect of a listed cause.
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an error of 1 mm that no error of the
-        bench in `POSSIBLE_CAUSES` explains (``error``).
+        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unexplained part of the size 1 mm
+        (``error``).
     """
 
     bases: tuple[Array, ...]
@@ -71,12 +72,11 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of the N coefficients in mm^2, (N,), due to errors as large as the given changes.
+        """Return the variance of the N coefficients in mm^2, (N,), due to C random errors, smooth along the edges.
 
-        ``moves`` has C changes of the N coefficients in mm, shape (C, N). For each change, a random error is assumed
-        that is as large as the change, but has another smooth course along the edges. The size of a change in an
-        experiment is the root mean square of its coefficients there. The variance is ``error``, the variance for an
-        error of 1 mm, times the sum of the squared sizes.
+        ``moves`` gives the sizes of the errors: it has C changes of the N coefficients in mm, shape (C, N). In each
+        experiment, an error is as large as the root mean square of the coefficients of its change. An error of 1 mm has
+        the variance ``error``, and the result is ``error`` times the sum of the squared sizes.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -88,7 +88,8 @@ class Projection:
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
     """Return the map from residuals to polynomial coefficients, with two variances of each coefficient.
 
-    One variance is due to noise, the other due to errors that no possible error of the bench explains.
+    One variance is due to noise. The other is due to the unexplained part of the residuals, which is neither noise nor
+    the effect of a possible error of the bench.
 
     Parameters
     ----------
@@ -141,9 +142,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
     There are D coefficients for each of G groups of points (edges, or x and y). For edges, the variance follows from
     the level and the correlation of ``remainder``: the residuals in mm that the polynomials do not describe. If the
-    remainder has fewer than ten degrees of freedom, the stated uncertainty of the points is used instead. It is also
-    used for tracked points, where it counts as an error that is common to all points of a state. ``counts`` has the
-    number of used points of each edge in each state.
+    remainder has fewer than ten degrees of freedom, the stated uncertainty of the points is used instead. For tracked
+    points, the stated uncertainty is always used. All points of a state are then assumed to have the same error, which
+    increases the variance of the constant polynomial. ``counts`` has the number of used points of each edge in each
+    state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())
@@ -158,9 +160,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the covariance between K states of an error that no listed error of a bench explains, (K, K).
+    """Return the correlation of the unexplained part of the residuals between K states, (K, K).
 
-    The covariance of two states is large if their loads are similar.
+    The unexplained part is neither noise nor the effect of a listed cause. Its correlation between two states is large
+    if their loads are similar.
     """
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]

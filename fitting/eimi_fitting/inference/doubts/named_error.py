@@ -1,9 +1,9 @@
 """Separate the residuals that a named cause explains from the noise, and compute the intervals of a fit again.
 
 A cause is an error of the bench that no file states, such as a rolled camera. Its residuals are similar in all points
-and states. If they counted as noise, the data would have one or two independent points, and an interval could be
-hundreds of per cent wide. If the residuals were noise of independent points, the interval would be too narrow for the
-change of the modulus by the cause.
+and states. If they counted as correlated noise, the data would have only one or two independent points, and an interval
+could be hundreds of per cent wide. If they counted as noise of independent points, the interval would be narrower than
+the error of the modulus that the cause produces.
 
 If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals that remain
 with the most probable causes. If the interval does not contain the change of the modulus by these causes, the interval
@@ -52,7 +52,8 @@ def estimate_beside(
 ) -> Estimate | None:
     """Return the estimate of a fit with new intervals, in which residuals of the probable causes are not noise.
 
-    The most probable causes of the residuals are errors of the bench, see the module.
+    A cause is a possible error of the bench, such as a tilted camera. The module describes why its residuals should not
+    count as noise.
 
     Parameters
     ----------
@@ -67,7 +68,8 @@ def estimate_beside(
     -------
     Estimate or None
         The estimate. None if ``before`` stays valid: no cause is probable that the fit has not taken into account, the
-        causes explain less than half of the mean error, or the most probable cause is the law or the section.
+        causes explain less than half of the mean error (`remaining_error_mm`), or one of the most probable causes is a
+        choice of the user: the law, or a planar model of a solid section.
     """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:

@@ -48,7 +48,8 @@ class Assumed:
         The experiment with a planar model.
     deviations : tuple of (str, int, float)
         One entry for each uncertain number that differs from its stated value: the source of the number (a key of
-        `SOURCES`), its index among the parts of the source, and its deviation in the unit of the source.
+        `SOURCES`), its index among the parts of the source (such as x and y), and its deviation in the unit of the
+        source.
     """
 
     law: Law
@@ -93,8 +94,8 @@ class PossibleCause:
     sizes : tuple of float
         Standard deviation of the prior of each amplitude, the usual size of the error in a laboratory.
     change : callable or None
-        Takes the assumptions of a fit and the amplitudes, and returns the assumptions with this cause. None for a wrong
-        section. The change of the residuals by a wrong section is computed with a three-dimensional model.
+        Takes the assumptions of a fit and the amplitudes, and returns the assumptions with this cause. None for a
+        planar model of a solid section, whose effect is computed with a three-dimensional model.
     decide_by : str
         The measurement that decides whether the cause is present.
     source : str
@@ -102,8 +103,7 @@ class PossibleCause:
     is_common : bool
         Whether all datasets share one amplitude.
     shown : int or None
-        Number of leading amplitudes from which the value of the cause is computed. None if the value is computed from
-        all amplitudes.
+        Number of amplitudes, from the first, that give the value of the cause for people. None for all amplitudes.
     """
 
     name: str
@@ -153,10 +153,11 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
     ----------
     displacement : callable
         Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes (sizes of the error). Returns
-        the displacements of these positions in mm, (..., 2). The displacement of the clamp is subtracted.
+        the displacements of these positions in mm, (..., 2). The displacement of the clamp is subtracted from all
+        displacements, because positions are measured from the clamp.
     shift : int, optional
-        Index of the first of two amplitudes that displace all points in x and y by a length in mm. These two amplitudes
-        describe an error of a calibration in which the position of the clamp comes from another picture.
+        Index of the first of two amplitudes that displace all points in x and y by a length in mm. Such a shift is
+        needed if the position of the clamp comes from another picture, in which the clamp is not displaced.
 
     Returns
     -------
@@ -203,10 +204,11 @@ def _stand_off_mm(experiment: Experiment) -> float:
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm of the positions ``places`` by a radial distortion of the lens.
 
-    Positions (x, y) in mm and displacements have the shape (..., 2). The first amplitude is the relative distortion k
-    at the measured point that is farthest from the assumed centre of the lens, at the distance R. The next two
-    amplitudes are k / R times the displacement of the lens axis from the assumed centre in x and y. For a displacement
-    of more than 2 R, only the terms that are linear in the displacement are returned.
+    Positions (x, y) in mm and displacements have the shape (..., 2). Let R be the distance of the farthest measured
+    point from the assumed centre of the lens. A position with the vector r from the true axis of the lens is displaced
+    by k |r|^2 / R^2 times r. The first amplitude is k, the relative distortion at the distance R. The next two
+    amplitudes are k / R times the distance in x and y of the true axis from the assumed centre. If the axis is more
+    than 2 R from the centre, only the terms that are linear in the amplitudes are kept.
     """
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
@@ -317,12 +319,12 @@ def _lagging(loads: Loads, amplitudes: Array) -> Loads:
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a field that varies in space: with two gradients, and a curvature along the coil's axis.
+    """Return the loads with a field whose strength varies in space: with two gradients and a curvature.
 
-    A gradient is the relative change of the field strength per metre. The first two amplitudes are constant gradients
-    along x and along y of the beam. The third amplitude gives the size of the curvature: a curved field has a gradient
-    that grows in proportion to the distance from the magnet at rest along the axis, and the amplitude is this gradient
-    at a distance of 10 mm.
+    A gradient is the relative change of the field strength per metre. The first two amplitudes are gradients along and
+    across the straight beam. The third amplitude describes a curvature, which is a gradient along the axis of the coil
+    that grows with the distance from the position of the magnet at rest. The amplitude is the gradient at a distance of
+    10 mm.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))

@@ -207,7 +207,7 @@ class About:
         """Simulate the optimum of a fit, and return it with its residuals and their derivatives (slopes).
 
         A possible cause of the residuals may be an input that the fit has estimated. The derivatives by this input are
-        left out.
+        left out, because only the hypotheses that contain the cause vary the input.
         """
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed

@@ -98,9 +98,10 @@ class Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes from which `Cause.value` is computed, for one cause by its index.
+        """Return how many amplitudes of one cause, from the first, give its value for people (`Cause.value`).
 
-        A cause is a possible error of the bench. An amplitude is the size of one part of a cause, such as a shift in x.
+        A cause is a possible error of the bench, and ``cause`` is its index. An amplitude is the size of one part of a
+        cause, such as a shift in x.
         """
         shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
@@ -165,11 +166,11 @@ class Weighing:
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
         """Return the hypotheses that were not simulated, each with a simulated hypothesis whose residuals it can use.
 
-        A hypothesis is a set of causes (possible errors of the bench). A part of it has some of its causes. The
-        residuals of a hypothesis are linear functions of the amplitudes (sizes) of the causes, which are exact only at
-        simulated amplitudes. If a hypothesis was not simulated, the simulation of its most probable part is used for
-        it. Both then have the same error of linearisation. Otherwise a hypothesis with one cause more could seem to
-        agree worse with the data.
+        A hypothesis is a set of causes (possible errors of the bench). Its residuals are linear functions of the
+        amplitudes (sizes) of the causes. The linear functions have no error only at amplitudes that were simulated. Of
+        two hypotheses that differ by one cause, the simulated one could therefore seem to agree better with the data. A
+        hypothesis that was not simulated thus uses the simulation of a hypothesis with some of its causes (a part). If
+        there are several parts, the most probable one is used.
 
         A part must contain every cause of the hypothesis that the fit has taken into account, because the shape at rest
         would differ without such a cause.
@@ -204,9 +205,9 @@ class Weighing:
         """Return the variance of N coefficients in mm^2, shape (N,), due to errors of the simulation.
 
         The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
-        Two errors are counted. The simulated effect of the law and of each cause may be wrong by 1 per cent; ``moves``,
-        shape (C, N) in mm, has these C effects on the coefficients. The corrections by better beam models leave the
-        other error.
+        Two errors are counted. One is the error that remains after the corrections by better beam models. The other is
+        1 per cent of the simulated effects of the law and of each cause; ``moves``, shape (C, N) in mm, has these C
+        effects on the coefficients.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._remaining))
