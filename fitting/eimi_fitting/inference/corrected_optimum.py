@@ -1,8 +1,8 @@
 """Compute the optimum of a fit of a hyperelastic law from the best candidate of the search.
 
 A candidate is a set of values of the unknowns. The steps are: improve the candidate by Gauss-Newton
-(`inference.searching.polish`), correct the residuals by better models (`inference.evidence.corrections`), and compute
-the intervals (`inference.interval`). The weight of tensile curves and priors depends on the noise of the edges.
+(`inference.searching.polish`), correct the residuals by better beam models (`inference.evidence.corrections`), and
+compute the intervals (`inference.interval`). The weight of tensile curves and priors depends on the noise of the edges.
 Gauss-Newton is therefore repeated if the estimate of the noise has changed.
 """
 
@@ -87,10 +87,11 @@ class SearchEnd:
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
     """Compute the optimum of a fit, with corrections and intervals, from a candidate near the optimum.
 
-    Gauss-Newton varies the unknowns on a planar model. For a section in plane stress or plane strain, the planar model
-    has the coarse mesh of the search. Its residuals are corrected to the residuals of finer meshes. For a solid
-    section, the planar model has the mesh of the three-dimensional model. Its residuals are corrected to the residuals
-    of the three-dimensional model.
+    Gauss-Newton varies the unknowns on a planar model. A better model is solved only at the optimum. The difference
+    between the residuals of both models is added to the residuals of the planar model (a correction). For a section in
+    plane stress or plane strain, the planar model has the coarse mesh of the search, and the better models have finer
+    meshes. For a solid section, the planar model has the mesh of the three-dimensional model, which is the better
+    model.
 
     Parameters
     ----------
@@ -179,8 +180,9 @@ def _with_finer_meshes(
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
     """Correct the residuals in two steps: from the coarse mesh to the meshes of ``problem``, then to finer meshes.
 
-    ``coarse`` is the same fit on the coarse mesh of the search, and ``optimum`` its optimum. After each step the
-    optimum is computed again. If a mesh has no equilibrium at the optimum, the results of the step before are returned.
+    A correction adds the difference between the residuals of two meshes at the optimum. ``coarse`` is the same fit on
+    the coarse mesh of the search, and ``optimum`` its optimum. After each step the optimum is computed again. If a mesh
+    has no equilibrium at the optimum, the results of the step before are returned.
 
     Returns
     -------
@@ -204,7 +206,10 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the problem ``now`` after its residuals are corrected to the residuals ``better``, and the new optimum."""
+    """Correct ``now`` to have the residuals ``better`` at ``optimum``, and return it with its new optimum.
+
+    The correction is a constant difference that is added to the residuals of the problem ``now``.
+    """
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -212,7 +217,7 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals to three-dimensional models for solid sections, and to finer meshes for other sections.
+    """Correct the residuals by three-dimensional models of solid sections and by finer meshes of the other sections.
 
     Returns
     -------

@@ -4,7 +4,7 @@ The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
 1. CMA-ES searches on a coarse mesh (`inference.searching`).
 2. Gauss-Newton improves the best candidate (`inference.searching.polish`).
-3. The residuals are corrected to the residuals of better beam models, and Gauss-Newton is repeated
+3. The residuals are corrected by better beam models, and Gauss-Newton is repeated
    (`inference.corrected_optimum`).
 4. The intervals are computed from the evidence at the optimum (`inference.interval`).
 """

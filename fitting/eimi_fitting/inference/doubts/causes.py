@@ -16,8 +16,8 @@ Stat. Soc. B 63:425). J has further columns for the errors that remain after the
 three-dimensional model.
 
 The evidence p(r | H) is the probability density of the residuals. It has a closed form for a linear Gaussian model. Let
-L = sigma^2 tau + eta^2 G, let A be the columns of J and C_a, each times its prior standard deviation, and b = A' inv(L)
-r, where a prime denotes the transpose. For normal priors,
+L = sigma^2 tau + eta^2 G. Let A be the columns of J and of all C_a, each times its prior standard deviation. Let b be
+the vector A' inv(L) r, where a prime denotes the transpose. For normal priors,
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
 

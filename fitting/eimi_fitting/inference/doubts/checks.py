@@ -1,10 +1,11 @@
 """Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
 
-The beam model does not explain a state if two conditions hold: the error of the state exceeds three times the stated
-uncertainty, and it also exceeds a twentieth of the largest deflection or half the width of the beam, whichever is
-smaller. Edges of another beam, a wrong scale or a wrong sign of the field cause errors of this size. The fit is then
-refused. Residuals that are many times the stated uncertainty of the edges cause a doubt (a reason to distrust the
-result). A probable cause of the residuals is also a doubt if it changes the modulus (`causes`).
+The error of a state is its root mean square residual. The beam model does not explain a state if the error exceeds both
+of two limits. One limit is three times the stated uncertainty of the points. The other is a twentieth of the largest
+deflection, or half the width of the beam if this is smaller. Edges of another beam, a wrong scale or a wrong sign of
+the field cause errors of this size. The fit is then refused. Residuals that are many times the stated uncertainty of
+the edges cause a doubt (a reason to distrust the result). A probable cause of the residuals is also a doubt if it
+changes the modulus (`causes`).
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ explain. If S_a and S_b of two causes have the same length |S| and the angle phi
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2).
 
 If one of the two causes is true and the noise is normal, the logarithm of the odds between the causes is |e_a - e_b|^2
-/ 2 on average. The causes are alike if these odds are below 9 to 1, that is, if |e_a - e_b|^2 is below 2 ln 9 plus the
-number of amplitudes of both causes (noise adds 1 for each amplitude). Probable causes are simulated at their
-amplitudes, so that large amplitudes are compared correctly too.
+/ 2 on average. The causes are alike if these odds are below 9 to 1. Noise adds about 1 to |e_a - e_b|^2 for each
+amplitude. The limit for |e_a - e_b|^2 is therefore 2 ln 9 plus the number of amplitudes of both causes. Probable causes
+are simulated at their amplitudes, so that large amplitudes are compared correctly too.
 
 Causes that are alike form a class of at most three. A cause with a negligible value is alone in its class.
 

@@ -120,10 +120,10 @@ class PossibleCause:
 def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
 
-    The function takes the assumptions and the amplitudes of a cause (an error of the bench). Each amplitude is the size
-    of one part of the error, and each of ``parts`` belongs to one amplitude. The keys of a part are pairs: a source (a
-    key of `SOURCES`), and the index of an uncertain number of this source. The values are the deviations of these
-    numbers for an amplitude of 1. The deviations are proportional to the amplitude.
+    The function takes the assumptions and the amplitudes of a cause (an error of the bench). ``parts`` has one
+    dictionary for each amplitude. A key is an uncertain number: a source (a key of `SOURCES`) and the index of the
+    number among the parts of this source. Its value is the deviation of the number for an amplitude of 1. Example: for
+    a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

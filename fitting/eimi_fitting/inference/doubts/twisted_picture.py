@@ -37,7 +37,7 @@ def without_twist(
         The experiment with the measured edges. It is returned unchanged if it has tracked points in place of edges, if
         the specimen has no magnet, or if the model finds no equilibrium.
     bent : Experiment
-        The experiment whose model and loads give the bent shape.
+        The same experiment with the assumed deviations of its inputs. Its model and loads give the bent shape.
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (1, n)

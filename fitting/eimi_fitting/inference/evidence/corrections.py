@@ -1,4 +1,4 @@
-"""Correct the residuals of a fit to the residuals of a better beam model, which is solved at the optimum only.
+"""Correct the residuals of a fit by a better beam model, which is solved at the optimum only.
 
 Let r(x) be the residuals of the model of the search for the unknowns x, R(x) the residuals of the better model, and x_0
 the optimum of r. The fit is repeated with the residuals
@@ -59,8 +59,7 @@ class Refinement:
     better : callable
         Takes an experiment and returns the experiment with the better model.
     remaining_share : float
-        The optimum changes when the better model replaces the simple one. This is the share of the change that remains
-        uncertain.
+        Error of the optimum that remains with the better model, as a share of the change of the optimum by this model.
     doubt : str
         Text of the warning about a fit for which the better model finds no equilibrium.
     """

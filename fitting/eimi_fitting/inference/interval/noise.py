@@ -68,7 +68,7 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the optimum of a fit when the residuals are corrected to a better beam model.
+    """The change of the optimum of a fit when the residuals are corrected by a better beam model.
 
     A better model has a finer mesh or is three-dimensional.
 
@@ -154,10 +154,9 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
     Notes
     -----
-    The weights w_k of the states (`inference.interval.covariance`) are N divided by the square of the error of all
-    residuals, up to a constant. They should contain the error of the noise instead. Let E be the mean error of all
-    residuals in mm, e the mean error of the noise, and N the number of independent points of the noise. The weights are
-    therefore computed with N (E / e)^2 points in place of N.
+    Let E be the mean error of all residuals in mm, e the mean error of the noise, and N the number of independent
+    points of the noise. The weights w_k of the states (`inference.interval.covariance`) are proportional to N / E^2,
+    but should be proportional to N / e^2. They are therefore computed with N (E / e)^2 points in place of N.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:

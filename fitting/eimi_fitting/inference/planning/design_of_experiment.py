@@ -364,8 +364,8 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
     """Return the weight w in 1/mm^2 of each simulated edge point, as if the edges of a state were measured.
 
-    The information of a measurement is w sum J'J, where J are the derivatives of the points. The sum over the simulated
-    points must give the same information as the measured points, which have another number and of which only one in
+    The information of a measurement is w sum J'J, where J are the derivatives of the points. The simulated edges have
+    another number of points than the measured edges, but the sum must be the same. Of the measured points, one in
     ``noise.alike`` is independent. w is therefore the inverse variance of a point, times the number of independent
     measured points, divided by the number of simulated points.
     """

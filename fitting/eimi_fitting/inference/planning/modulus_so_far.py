@@ -1,8 +1,8 @@
 """Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
 
-The law is Neo-Hookean. For a solid section, the residuals of the planar model are corrected to the residuals of the
-three-dimensional model, as in a whole fit (`inference.evidence.corrections`). The depth effect is the displacements of
-the three-dimensional model minus the displacements of the planar model. The depth effect is a smooth function of the
+The law is Neo-Hookean. For a solid section, the residuals of the planar model are corrected by the three-dimensional
+model, as in a whole fit (`inference.evidence.corrections`). The depth effect is the displacements of the
+three-dimensional model minus the displacements of the planar model. The depth effect is a smooth function of the
 bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates therefore use the depth effect again.
 The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
 estimate after the previous state needs only a few steps. The complete fit follows after the run.
