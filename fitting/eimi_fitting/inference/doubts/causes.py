@@ -121,7 +121,7 @@ class Weighed:
         the fit took only this cause into account.
     modulus_percent : tuple of float
         Smallest and largest change of the initial shear modulus in per cent, compared with the fit, if the fit took the
-        causes of a hypothesis into account. The most probable hypotheses are compared, which together have a
+        causes of a hypothesis into account. The range covers the most probable hypotheses, which together have a
         probability of 0.95.
     most_probable : frozenset of str
         Names of the causes of the most probable hypothesis.

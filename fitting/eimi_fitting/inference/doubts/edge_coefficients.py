@@ -1,10 +1,10 @@
 """Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
 
 Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
-describe such changes completely. The remainder of the residuals gives level and correlation of the noise. An error of
-the beam model is similar in states with similar loads and on both edges, so that its coefficients for different states
-and edges are correlated. The coefficients are therefore replaced by linear combinations that are not correlated, such
-as the sum and the difference of the two edges.
+describe such changes completely. The remainder of the residuals gives level and correlation of the noise. The
+unexplained part of the residuals (neither noise nor the effect of a listed cause) is similar in states with similar
+loads and on both edges, so that its coefficients for different states and edges are correlated. The coefficients are
+therefore replaced by linear combinations that are not correlated, such as the sum and the difference of the two edges.
 """
 
 from __future__ import annotations

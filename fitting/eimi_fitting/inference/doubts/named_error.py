@@ -79,13 +79,15 @@ def estimate_beside(
         return None
     misfits = optimum.evaluation.comparison.misfits
     changes = [after - misfit.residuals[0] for after, misfit in zip(remaining, misfits, strict=True)]
-    changed, reached = _with(problem, optimum, changes)
+    changed, reached = _with_changes(problem, optimum, changes)
     about = linearise(changed, reached)
     # Without the residuals of the causes, the optimum would move by `step`. The effect of this step on the residuals is
     # added, so that the optimum stays the optimum of the fit to first order.
     step = -np.linalg.solve(about.hessian, about.score)
     held = [np.tensordot(step, states.slopes, axes=1) for states in about.states]
-    changed, reached = _with(problem, optimum, [change + more for change, more in zip(changes, held, strict=True)])
+    changed, reached = _with_changes(
+        problem, optimum, [change + more for change, more in zip(changes, held, strict=True)]
+    )
     noise = linearise_noise(changed, reached, effects)
     result = estimate(changed, reached, effects, noise, refinements, seed)
     if not contains(result.initial_shear_modulus, weighed.modulus_percent):
@@ -124,7 +126,7 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 
 
-def _with(
+def _with_changes(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
     """Add changes to the residuals of a problem and of its optimum, and return both.

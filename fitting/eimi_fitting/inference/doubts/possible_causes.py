@@ -103,7 +103,7 @@ class PossibleCause:
     is_common : bool
         Whether all datasets share one amplitude.
     shown : int or None
-        Number of amplitudes, from the first, that give the value of the cause for people. None for all amplitudes.
+        Number of amplitudes, from the first, that enter the reported value of the cause. None for all amplitudes.
     """
 
     name: str
@@ -122,8 +122,8 @@ def _by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 
     The function takes the assumptions and the amplitudes of a cause (an error of the bench). ``parts`` has one
     dictionary for each amplitude. A key is an uncertain number: a source (a key of `SOURCES`) and the index of the
-    number among the parts of this source. Its value is the deviation of the number for an amplitude of 1. Example: for
-    a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
+    number among the parts of this source. Its value is the deviation of the number for an amplitude of 1. Example: with
+    an amplitude of 1 mm for a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -72,9 +72,11 @@ def without_twist(
 
 
 def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist of the beam at the magnet in K states, (K,), divided by the angle of the moment to the plane.
+    """Return the twist of the beam at the magnet in K states, (K,), for a small tilt of the magnet's moment.
 
-    The parameters are those of `without_twist`. The result is None without a magnet or without an equilibrium.
+    The tilt is the angle of the moment to the plane of the picture, and the result is the twist divided by the tilt.
+    ``bent`` is the experiment whose model and loads give the bent shape, and ``parameters`` (1, n) are the parameters
+    of the law. The result is None without a magnet or without an equilibrium.
     """
     twisted = _twisted(bent, law, parameters)
     return None if twisted is None else twisted[1][:, -1]

@@ -98,7 +98,7 @@ class Weighing:
                     residual -= column.start * change
 
     def shown(self, cause: int) -> int:
-        """Return how many amplitudes of one cause, from the first, give its value for people (`Cause.value`).
+        """Return how many amplitudes of one cause, from the first, enter its reported value (`Cause.value`).
 
         A cause is a possible error of the bench, and ``cause`` is its index. An amplitude is the size of one part of a
         cause, such as a shift in x.
@@ -225,7 +225,7 @@ class Weighing:
         """Return the most probable amplitudes of the causes of one hypothesis, by Gauss-Newton with simulations.
 
         ``row`` is the index of the hypothesis, a set of causes (possible errors of the bench). An amplitude is the size
-        of a cause.
+        of a cause, and Gauss-Newton starts from ``amplitudes``.
         """
         best, least = amplitudes.copy(), np.inf
         best[len(self._about.law_spread) : self._common] = 0.0
@@ -294,10 +294,11 @@ class Weighing:
         return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Return the residuals in mm, (K, G, m) for each experiment, that a simulation of one hypothesis leaves.
+        """Return the residuals in mm that a simulation of one hypothesis leaves: one array for each experiment.
 
-        ``row`` is the index of the hypothesis, a set of causes, and ``amplitudes`` has the changes of the law and the
-        sizes of the causes (errors of the bench). The result is None if the beam model finds no equilibrium.
+        An array has the shape (K, G, m) for G groups (edges, or x and y) of m points in K states. ``row`` is the index
+        of the hypothesis, a set of causes. ``amplitudes`` has the changes of the law and the sizes of the causes
+        (errors of the bench). The result is None if the beam model finds no equilibrium.
         """
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)

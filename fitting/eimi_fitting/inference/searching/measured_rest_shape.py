@@ -267,7 +267,8 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 def _scanned_modulus(bent: Experiment) -> float:
     """Return the shear modulus in Pa for which the edges of the planar model have the smallest error, by a wide scan.
 
-    The error is the root mean square distance of the measured points from the simulated edges.
+    The error is the root mean square distance of the measured points from the simulated edges. ``bent`` is the
+    experiment with some of its loaded states.
     """
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
@@ -277,7 +278,7 @@ def _scanned_modulus(bent: Experiment) -> float:
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
     """Return the shear modulus in Pa near ``near_Pa`` with the smallest distance of the simulated from measured edges.
 
-    The result is ``near_Pa`` if a state has no equilibrium.
+    ``bent`` is the experiment with some of its loaded states. The result is ``near_Pa`` if a state has no equilibrium.
     """
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)

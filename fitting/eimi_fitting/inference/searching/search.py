@@ -249,7 +249,10 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return ["population"] if all objectives are valid and differ by less than ``enough_mm``, else an empty list."""
+    """Return the reason to stop a run, ["population"], if the objectives of a generation are valid and nearly equal.
+
+    They are nearly equal if they differ by less than ``enough_mm``. Otherwise the list is empty.
+    """
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
