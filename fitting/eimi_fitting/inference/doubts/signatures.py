@@ -2,8 +2,8 @@
 
 A cause has one or several amplitudes. The signature is the change of the residuals in mm divided by the amplitude. The
 signature is a finite difference, computed with the planar model on the coarse mesh of the search. The model is not
-solved again for a cause that changes only the picture. Only the signature of a wrong section is computed with a
-three-dimensional model.
+solved again for a cause that changes only the picture. One cause is a planar model of a solid section. Only its
+signature is computed with a three-dimensional model.
 """
 
 from __future__ import annotations
@@ -264,7 +264,7 @@ class About:
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Change of the l coordinates ``kept``.
+            Changes of the l coordinates that vary under every hypothesis (``kept``).
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
             Amplitudes of each cause, counted from the stated values.
 
