@@ -7,7 +7,7 @@ sources           every input whose uncertainty a file may specify
 parameter_priors  normal priors on the law's parameters
 polarity          the uncertain inputs that a measurement in both polarities of the field determines
 unknowns          the parameters of a fit, and the uncertain inputs that it determines (freed nuisances)
-objective         the number that a fit minimises, from all the evidence
+objective         the number that a fit minimises, computed from all the evidence
 corrections       the change of the residuals by a finer mesh or a three-dimensional model
 _coarse           coarse meshes and fewer points of each edge for the search
 _quadratic        the minimum of a quadratic in the unit cube
