@@ -58,10 +58,7 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Return whether there are at least 10 pairs of neighbouring points.
-
-        Ten pairs are enough for the tests of randomness by sign changes and by serial correlation.
-        """
+        """Return whether there are enough points for the two tests: at least 10 pairs of neighbouring points."""
         return self.pairs >= _FEWEST
 
     @property

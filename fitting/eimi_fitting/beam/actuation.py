@@ -57,18 +57,21 @@ class Actuation(Protocol):
         field_factor : ndarray, shape (B,)
             Factor on loads that a magnetic field causes, for each of B candidate laws.
         mesh : LoadedMesh
-            The mesh with the integrals that are needed to compute forces.
+            The mesh with the integrals that are needed to compute forces. The mesh may be only a part of the specimen,
+            for example half of its depth. ``mesh.share`` is the fraction of a load on the specimen that acts on it.
         total : SolidLoads
-            The sum of all loads, with one row for each candidate. This method adds to its arrays in place. Forces on
-            the whole specimen must be multiplied by ``mesh.share``, because the mesh may be a part of the specimen.
+            The sum of all loads, with one row for each candidate. This method adds to its arrays in place. A force on
+            the whole specimen must first be multiplied by ``mesh.share``.
         """
         ...
 
 
 class Places(Protocol):
-    """The interface of a mesh that is needed to compute loads; `Grid` and `SolidGrid` have these members.
+    """The positions that the computation of loads needs from a mesh: of the nodes, of the magnet and of any point.
 
-    A mesh is built in a straight strip, which is mapped to the rest shape of the specimen (`beam.strip`).
+    The meshes of the planar and of the solid model (`Grid` and `SolidGrid`) have these members. A mesh is first built
+    in a straight beam of constant width (the straight strip). A map then bends the strip, with its mesh, to the rest
+    shape of the specimen (`beam.strip`). Loads are given in positions at rest, and elements are found in the strip.
     """
 
     specimen: Specimen
@@ -93,13 +96,13 @@ class Places(Protocol):
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point (x, y) of the straight strip, and the share of each node.
+        """Return the nodes on which a force at a point (x, y) acts, and the share of the force on each node.
 
-        The force is spread evenly through the depth: on a planar mesh it acts at one point, on a solid mesh at m points
-        with the same x and y. Both arrays have the shape (m, n). Row i has the n nodes of the element around point i,
-        and their shares of the force. All shares add up to 1.
+        The force is spread evenly through the depth. On a planar mesh it acts at one point (m = 1). On a solid mesh it
+        acts at m points with the same x and y. Both results have one row for each of the m points, shape (m, n): the n
+        nodes of the element around the point, and their shares of the force. All shares add up to 1.
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        point_mm: the point in the straight strip, a straight beam of constant width that is mapped to the rest shape.
         """
 
 
@@ -124,18 +127,22 @@ class LoadedMesh:
     nodal_mass : ndarray, shape (N,)
         Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
     slopes : ndarray, shape (N, d)
-        Integrals of the derivatives of the nodes' shape functions over the silicone, in mm² (in mm for a planar mesh).
+        The integral over the silicone of each derivative of each node's shape function, in mm² (in mm for a planar
+        mesh).
     nodal_dipole : ndarray, shape (N,)
-        The magnetic force on each node in N, in a field of 1 T. It points along the field. It is the product of
-        ``slopes`` and the magnetisation of the silicone.
+        Factors d in N/T that give the forces of a uniform field B on magnetised silicone: the force on a node is d B.
+        The factor of a node is the integral of the derivative of its shape function along the magnetisation, times the
+        magnetisation. The forces of an element add up to zero and form a torque. All factors are zero if the silicone
+        is not magnetised.
     element_dipole : ndarray, shape (E, n)
-        The contribution of each element to ``nodal_dipole``.
+        The contribution of each element to ``nodal_dipole``. This array and the next two exist only if the silicone is
+        magnetised.
     element_share : ndarray, shape (E, n)
         Weights of an element's nodes. The weighted mean of the nodes' positions is the middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) of the nodes of each element at rest.
     field_place_mm : ndarray, shape (2,)
-        The point (x, y) of the specimen at rest at which the strength of a field is specified.
+        The point (x, y) of the specimen at rest at which the field is specified, if the field is not uniform.
     magnet_mass : float
         Mass of the rigid body, in the unit of ``nodal_mass``. The rigid body consists of the magnet and the silicone
         that moves rigidly with the magnet.
@@ -203,7 +210,7 @@ class LoadedMesh:
         Parameters
         ----------
         force : ndarray, shape (2,)
-            Force in N, already multiplied by ``share``.
+            Force in N on the mesh: the force on the specimen multiplied by ``share``.
         point_mm : ndarray, shape (2,)
             Position (x, y) at rest of the material point on which the force acts.
         total : SolidLoads

@@ -27,12 +27,12 @@ def bandwidth(dofs: Indices) -> int:
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
-def _most(run: Indices) -> int:
-    """Return the number of elements that contribute to one entry of the assembled matrix, where this number is largest.
+def _most_contributions(numbers: Indices) -> int:
+    """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    run: the contributions to an entry are numbered from 0; the array has the number of every contribution.
+    numbers: the number of every contribution; the contributions to one entry have the numbers 0, 1, 2 and so on.
     """
-    return int(run.max(initial=0)) + 1
+    return int(numbers.max(initial=0)) + 1
 
 
 class BandAssembly:
@@ -75,7 +75,8 @@ class BandAssembly:
             fresh = (run == 0) & ~reached[target]
             reached[target] = True
             # Layer k holds the k-th contribution to each entry: up to four where four elements meet.
-            chosen = [(fresh, True), ((run == 0) & ~fresh, False), *((run == k, False) for k in range(1, _most(run)))]
+            most = _most_contributions(run)
+            chosen = [(fresh, True), ((run == 0) & ~fresh, False), *((run == k, False) for k in range(1, most))]
             self._layers.append(
                 [(source[c].astype(np.int32), target[c].astype(np.int32), new) for c, new in chosen if c.any()]
             )
@@ -105,19 +106,19 @@ class BandAssembly:
         return self._cache[batch]
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Return the element matrices in groups, one array for each group of consecutive elements.
+        """Divide an array of element matrices into the groups of elements that are added to the band one after another.
 
-        The result is the argument of `matrix`. element_matrices: the d x d matrices of E elements for B candidate laws,
-        shape (E, B, d, d).
+        Yields one array for each group of consecutive elements. element_matrices: the d x d matrices of all E elements
+        for B candidate laws, shape (E, B, d, d).
         """
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
         """Add the element matrices to the band matrix of the whole mesh, for each of B candidate laws.
 
-        Returns the lower bands of these matrices, shape (B, n, bandwidth + 1), for n unknowns. parts: the element
-        matrices of consecutive groups of elements, as `divided` returns them. The array of a group of e elements with d
-        unknowns each has the shape (e, B, d, d).
+        Returns the lower bands of these matrices, shape (B, n, bandwidth + 1), for n unknowns. parts: one array for
+        each group of consecutive elements, with the matrices of these elements. The array of a group of e elements with
+        d unknowns each has the shape (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -144,17 +145,17 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """The factors of the band matrices of B candidate laws.
+    """The factors of the band matrices of B candidate laws, with which linear systems are solved.
 
-    Positive definite matrices have Cholesky factors. Indefinite matrices have LU factors, or no factors if `factorise`
-    was called with ``only_definite``. If the matrices are not symmetric, all of them have LU factors.
+    Positive definite matrices have Cholesky factors. Symmetric matrices that are not positive definite have LU factors,
+    unless the caller asked to omit them. If the matrices are not symmetric, all of them have LU factors.
 
     Attributes
     ----------
     sound : ndarray of bool, shape (B,)
-        Whether each matrix could be factorised.
+        Whether each matrix has factors.
     indefinite : ndarray of bool, shape (B,)
-        Whether each symmetric matrix is not positive definite.
+        Whether each matrix is not positive definite; False for all matrices if they are not symmetric.
     cholesky : ndarray or None
         Cholesky factors in LAPACK's storage.
     lu : tuple of ndarray, or None
@@ -279,9 +280,10 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Return B band matrices with n rows in LAPACK's general band storage.
+    """Store B band matrices with n rows as one matrix in the format that LAPACK's LU factorisation needs.
 
-    lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
+    The format is the storage of band matrices that are not symmetric, shape (3 w - 2, B n). lower, upper: lower bands
+    of the matrices and of their transposes, (B, n, w): the main diagonal and the w - 1 diagonals below it.
     """
     batch, n, width = lower.shape
     k = width - 1

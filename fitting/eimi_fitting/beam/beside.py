@@ -59,8 +59,8 @@ class SolidOptions:
     effect : DepthEffect or None
         The depth effect, if it is already known. Only the planar model is then solved.
     earlier : DepthEffect or None
-        The depth effect of nearly the same candidate under some of the loads. The solid model is then solved only in
-        states outside the range of this depth effect.
+        The depth effect of nearly the same candidate, computed earlier under some of the present loads. It is used in
+        all states whose bending lies in its range, and the solid model is solved only in the other states.
     planar_shapes : Shapes or None
         The shapes of the planar model for the same candidate and loads, if they are already known. The planar model is
         then not solved.
@@ -96,8 +96,10 @@ class SolidBeside:
     ----------
     specimen : Specimen
         The specimen. Its entry ``section`` is ignored.
-    along, across, more : int
-        Numbers of elements, see `SolidModel`.
+    along, across : int
+        Number of elements along the flexible part, and number of elements across the width.
+    more : int
+        Number of additional elements over half of the depth, see `SolidGrid`.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
@@ -288,10 +290,10 @@ class SolidBeside:
     ) -> Configuration | None:
         """Return the shape of the solid model minus the planar shape in one state; None if Newton's method fails.
 
-        Newton's method begins at the planar shape plus the difference ``predicted``. If it does not converge in a few
-        steps, it begins again at the planar shape. The second attempt is needed if the fields have both signs:
-        ``predicted`` may then be interpolated on a straight line between the two outermost states, which is a bad start
-        for a state between them.
+        Newton's method begins at the planar shape plus the difference ``predicted``, which was interpolated from the
+        states that are already solved. If it does not converge in a few steps, it begins again at the planar shape
+        alone. The second attempt is needed, for example, if only the two outermost states are solved, and these bend
+        in opposite directions. The straight line between them is a bad start for a state in the middle.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -350,9 +352,11 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the first of ``options.similar`` whose candidate has the same law and planar shape, or None.
+    """Return a known depth effect that is valid for a new candidate, or None if there is none.
 
-    The depth effect is the shape of the solid model minus the shape of the planar model.
+    The depth effect is the shape of the solid model minus the shape of the planar model. It is the same for two
+    candidates with the same law, the same ratio of bulk to shear modulus and the same planar shapes. The result is the
+    first of ``options.similar`` whose candidate agrees with the new one in this way.
     """
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
@@ -361,12 +365,21 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect of a similar candidate law that bends about as far as the new candidate, or None.
+    """Return the depth effect of a similar candidate law, to which a small correction will be added, or None.
 
     The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a scalar s
-    that measures the bending. ``places`` has the values of s for the new candidate. Among the depth effects that are
-    valid at all these values, the result is the one whose largest abs(s) is nearest to the largest abs(s) in
-    ``places``.
+    that measures the bending. The result is chosen among the depth effects in ``similar`` that are valid for all states
+    of the new candidate. It is the one whose most bent state is nearest to the most bent state of the new candidate.
+
+    Parameters
+    ----------
+    places : ndarray, shape (K,)
+        The values of s in the states of the new candidate.
+    by_turn : bool
+        Whether s is the rotation of the tip in these states; otherwise s is the position of the load on a straight
+        line. Depth effects with the other measure are not used.
+    similar : tuple of DepthEffect
+        Depth effects of similar candidates.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()

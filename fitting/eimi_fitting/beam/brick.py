@@ -37,8 +37,8 @@ class Operators:
 
     The mesh has E elements with q Gauss points each.
 
-    Arrays that contain the same entries in another order are computed when they are needed, for a few elements at a
-    time. For all elements of a typical solid mesh, these arrays would fill 34 MB.
+    Some functions need these arrays with their axes in another order. They copy the arrays of a few elements at a time,
+    because the copies for all elements of a typical solid mesh would fill 34 MB.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def operators(mesh: Bricks) -> Operators:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return True, because the pressure of a solid element is always an unknown."""
+    """Return whether the pressure is an unknown beside the displacements: always True for solid elements."""
     return True
 
 
@@ -155,7 +155,8 @@ class Evaluation(NamedTuple):
     volume : ndarray, shape (6, E, B, q)
         Derivative of S by the pressure, J C^-1 with C = F^T F.
     valid : ndarray of bool, shape (B,)
-        Whether no element of the candidate is folded.
+        True for a candidate whose J exceeds 0.001 at all Gauss points. A smaller J is the sign of an element that is
+        folded over; the other values of the candidate then have no meaning.
     """
 
     force: Array
@@ -198,15 +199,20 @@ def _determinant(F: Array) -> Array:
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
 
-    The pressure is kept constant; its elimination adds a further part. The 81 unknowns of an element are ordered
-    (component, node). The geometric stiffness is computed with the predicted stress (6, E, B, q) at q Gauss points, see
-    `beam.equilibrium`.
+    This is the derivative of the nodal forces by the displacements at constant pressure. `beam.equilibrium` adds the
+    part that comes from the change of the pressure. The 81 unknowns of an element are ordered (component, node).
+
+    predicted: the stress that the last step of Newton's method predicts, (6, E, B, q) at q Gauss points, in MPa. The
+    part of the stiffness that is proportional to the stress is computed with it, see `beam.equilibrium`.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the element matrices that `stiffness` returns, for groups of `AT_ONCE` elements."""
+    """Yield the tangent stiffnesses of the elements, group by group, so that not all of them are in memory together.
+
+    A group has at most `AT_ONCE` elements. For the arguments and the entries of the matrices see `stiffness`.
+    """
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -231,9 +237,11 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives (E, B, 81, 4) of the four volume residuals by the 81 displacements of an element.
+    """Return how the volume of each element changes with its displacements, (E, B, 81, 4) in mm².
 
-    There are E elements and B candidate laws. `eimi_fitting.beam.element.volume_gap` defines the volume residuals.
+    There are E elements and B candidate laws. The entries are derivatives of four numbers of an element by its 81
+    displacements. Number k is the integral of J - 1 times the pressure function k, with the determinant J of the
+    deformation gradient.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)

@@ -1,13 +1,14 @@
 """The field of a coil that is not uniform, with a magnet or magnetised silicone in the field.
 
-The field at the point x in the plane of the beam is B(x) = q(x) F. Here F is the field at the position of the magnet at
-rest. F and B are written as complex numbers, F_x + i F_y and B_x + i B_y. The complex factor q(x) is the same for all
-currents and directions of F, and q = 1 at the position of the magnet at rest.
+Let F be the field at the position that the magnet has at rest. The field at another point p in the plane of the beam
+differs from F by a factor and by an angle. Written as complex numbers, B = B_x + i B_y and F = F_x + i F_y, the two
+fields are therefore related by B(p) = q(p) F, with a complex factor q(p). The same factor is used for all currents of
+the coil and for all directions of F. At the position of the magnet at rest, q = 1.
 
-A rigid dipole m at the point x has the energy -m . B(x). The torque on the dipole is m x B(x), and component i of the
-force on it is the sum of m_j dB_j/dx_i over j. A magnet is replaced by a dipole in its middle. The error of this
-contains the second derivatives of B, which are small if the magnet is much smaller than the coil. For a cubic magnet
-the terms with the second derivatives add up to zero.
+A rigid dipole m at the point p has the energy -m . B(p). The torque on it is the vector product of m and B(p), and
+component i of the force on it is the sum of m_j dB_j/dp_i over j. A magnet is replaced by a dipole in its middle. The
+error of this replacement is proportional to the second derivatives of B, which are small if the magnet is much smaller
+than the coil. For a cubic magnet the contributions of the second derivatives cancel.
 """
 
 from __future__ import annotations
@@ -128,10 +129,11 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the field and its first and second derivatives at n points (x, y), (n, 2) in mm, complex, (6, n).
+        """Return the field and its first and second derivatives at n points, as complex numbers of shape (6, n).
 
-        The rows are the field B_x + i B_y and its derivatives by x, y, xx, xy and yy in mm. A point outside the table
-        is replaced by the nearest point of the table's edge.
+        The first row is the field, B_x + i B_y. The other rows are its derivatives by x, by y, and the second
+        derivatives xx, xy and yy, with lengths in mm. points_mm: coordinates (x, y) of the points in mm, (n, 2). A
+        point outside the table is replaced by the nearest point of the table's edge.
         """
         real, imaginary = self._splines
         x, y = points_mm.T

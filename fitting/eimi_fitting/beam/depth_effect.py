@@ -34,10 +34,11 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties of a candidate law that determine its depth effect.
+    """The properties that decide whether two candidates have the same depth effect.
 
     A candidate is a set of parameters of a law. The depth effect is the shape of the solid model minus the shape of the
-    planar model.
+    planar model. Two candidates have the same depth effect if the properties below agree. The parameters themselves are
+    not compared, because the planar shape depends on them.
 
     Attributes
     ----------
@@ -159,10 +160,10 @@ class DepthEffect:
 
         d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The base is the depth
         effect of a similar candidate law, to which this object only adds a correction. The result has no base: it is a
-        polynomial through values of d(s), computed at the values s at which the base was solved. If ``by_turn``, these
-        values s are first multiplied by one factor, because this candidate bends more or less than the candidate of the
-        base. The factor is the quotient of the first values s of the two candidates. If this object has no solved
-        states of its own, the result is the base.
+        polynomial through values of d(s) at as many values s as the base has solved states. They are the values s of
+        these states. If s is the rotation of the tip (``by_turn``), all of them are multiplied by the ratio of the two
+        rotations that were solved first, because this candidate bends more or less than the candidate of the base. If
+        this object has no solved states of its own, the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -171,9 +172,10 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether `without_base` is valid at all given values s (``places``), which measure the bending.
+        """Return whether this depth effect can be the base of another one at all given values s (``places``).
 
-        `reaches` defines the range of valid values.
+        s measures the bending. The values must lie in the range in which the function d(s) is valid after its own base
+        is removed (`without_base` and `reaches`).
         """
         return bool(self.without_base.reaches(places).all())
 

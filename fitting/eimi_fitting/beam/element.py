@@ -188,7 +188,8 @@ class Evaluation(NamedTuple):
     S : ndarray, shape (3, E, B, q)
         Components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
     valid : ndarray of bool, shape (B,)
-        Whether no element of the candidate is folded.
+        True for a candidate whose J exceeds 0.001 at all Gauss points. A smaller J is the sign of an element that is
+        folded over; the other values of the candidate then have no meaning.
     """
 
     force: Array
@@ -268,9 +269,12 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
 
-    The pressure is kept constant; its elimination adds a further part. The 18 unknowns of an element are ordered
-    (component, node). The geometric stiffness is computed with the predicted stress (3, E, B, q) at q Gauss points, see
-    `beam.equilibrium`.
+    This is the derivative of the nodal forces by the displacements at constant pressure. In plane strain,
+    `beam.equilibrium` adds the part that comes from the change of the pressure. The 18 unknowns of an element are
+    ordered (component, node).
+
+    predicted: the stress that the last step of Newton's method predicts, (3, E, B, q) at q Gauss points, in MPa. The
+    part of the stiffness that is proportional to the stress is computed with it, see `beam.equilibrium`.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -303,17 +307,19 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the element matrices that `stiffness` returns, in one array for all elements.
+    """Yield the tangent stiffnesses of all elements as one array; for its entries and the arguments see `stiffness`.
 
-    The function of the same name in `beam.brick` yields one array for each group of elements.
+    Solid elements are yielded in groups, to save memory. `beam.equilibrium` treats both kinds of elements in the same
+    way, and this function therefore yields one group.
     """
     yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return the volume residuals (E, B, 3) of E elements for B candidate laws, which are zero at equilibrium.
+    """Return by how much the volume of each element differs from the volume that its pressure requires.
 
-    Residual k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
+    The result has three numbers for each of E elements and B candidate laws, (E, B, 3), which are zero at equilibrium.
+    Number k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
     deformation gradient, p is the pressure and K is the bulk modulus.
     """
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
@@ -321,9 +327,11 @@ def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) ->
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives (E, B, 18, 3) of the three volume residuals by the 18 displacements of an element.
+    """Return how the volume of each element changes with its displacements, (E, B, 18, 3) in mm.
 
-    There are E elements and B candidate laws. `volume_gap` defines the volume residuals.
+    There are E elements and B candidate laws. The entries are derivatives of three numbers of an element by its 18
+    displacements. Number k is the integral of J - 1 times the pressure function k, with the determinant J of the
+    deformation gradient.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]

@@ -105,7 +105,10 @@ class Configuration:
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configurations of the candidate laws whose numbers are in ``rows``."""
+        """Overwrite the configurations of some candidate laws by those of another object, in place.
+
+        Row i of ``other`` becomes the configuration of the candidate with the number ``rows[i]``.
+        """
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -181,7 +184,9 @@ class _Step:
 
 
 class Solid:
-    """A mesh with its supports. It may contain a rigid body (the magnet), and a pressure may act on one face.
+    """A body of silicone whose equilibrium can be computed: its mesh, planar or three-dimensional, and its supports.
+
+    The body may contain a rigid body (the magnet), and a pressure may act on one face.
 
     Parameters
     ----------
@@ -330,13 +335,14 @@ class Solid:
         few: int | None = None,
         only_try: bool = False,
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
-        """Apply Newton's method until every node moves by less than ``tolerance_mm`` in a step.
+        """Find the equilibrium of B candidate laws by Newton's method, and check whether it is stable.
 
-        After the elimination of the pressures, the tangent stiffness of the last step is the second derivative of the
-        potential. If this matrix is not positive definite, the equilibrium is unstable and the candidate is marked as
-        BUCKLED. The stability is not checked if a pressure acts on a face, because such a pressure has no potential.
-        Only motions that the mesh can represent are checked: not buckling out of the plane of a planar mesh, and for a
-        solid mesh only buckling that is symmetric about mid-depth.
+        The method ends when every node moves by less than ``tolerance_mm`` in a step. An equilibrium is stable if the
+        second derivative of the potential is positive definite. This derivative is the tangent stiffness of the last
+        step, after the pressures are eliminated. A candidate in an unstable equilibrium is marked as BUCKLED. (The
+        status UNSTABLE belongs to the law, and is not set here.) The stability is not checked if a pressure acts on a
+        face, because such a pressure has no potential. Buckling that the mesh cannot represent is not found: buckling
+        out of the plane of a planar mesh, and buckling of a solid mesh that is not symmetric about mid-depth.
 
         Parameters
         ----------
@@ -354,8 +360,9 @@ class Solid:
             Newton's method has converged. None: at most 25 iterations, and the tangent stiffness need not be positive
             definite.
         only_try : bool
-            True: mark a candidate as DIVERGED if its tangent stiffness without the rigid body (the magnet) is not
-            positive definite. This saves a factorisation.
+            True: give up a candidate, with the status DIVERGED, as soon as the matrix that has to be factorised is not
+            positive definite. This saves the slow factorisation of such matrices, and is used for starts after which
+            another start can be tried. A rigid body with silicone around it is not part of this matrix (`beam.system`).
 
         Returns
         -------

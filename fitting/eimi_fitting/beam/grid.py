@@ -45,13 +45,14 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
     return np.concatenate([-side[::-1], middle[1:-1], side]), beside
 
 
-def _count(along: int, times: float) -> int:
-    """Return the number of elements along the magnet or along the silicone beyond it: 2 to 2 * ``along``.
+def _count(along: int, relative_length: float) -> int:
+    """Return the number of elements along the magnet, or along the silicone between the magnet and the tip.
 
-    along: the number of elements of the flexible part of the beam. times: the length to be divided, as a multiple of
-    the length of the flexible part.
+    The elements become about as long as those of the flexible part. The number is at least 2 and at most twice the
+    number of elements of the flexible part (``along``). relative_length: the length of the magnet or of the silicone,
+    divided by the length of the flexible part.
     """
-    return max(2, min(round(along * times), 2 * along))
+    return max(2, min(round(along * relative_length), 2 * along))
 
 
 class Grid:
@@ -72,7 +73,8 @@ class Grid:
         up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
         Put mesh lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these
-        lines if there is silicone before and behind the magnet.
+        lines if the magnet is less deep than the beam, because there are elements of silicone in front of the magnet
+        and behind it.
 
     Attributes
     ----------

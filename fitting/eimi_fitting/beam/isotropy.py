@@ -8,9 +8,9 @@ one of two methods:
 invariants           for a law that gives the derivatives of its energy by the invariants I1 and I2 (Holzapfel,
                      Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6);
 principal stretches  for any law, from the eigenvectors of the right Cauchy-Green tensor C. For principal values S_a
-                     of the stress and C_a of C the tangent contains the quotient (S_b - S_a) / (C_b - C_a). For equal
-                     stretches its limit is used, a mean of derivatives (Ogden, Non-linear Elastic Deformations, 1997,
-                     section 6.1.4).
+                     of the stress and C_a of C the tangent contains the quotient (S_b - S_a) / (C_b - C_a). If two
+                     stretches are equal, this quotient is 0/0 and is replaced by its limit (Ogden, Non-linear Elastic
+                     Deformations, 1997, section 6.1.4).
 """
 
 from __future__ import annotations
@@ -35,10 +35,16 @@ _EQUAL = 1e-5
 
 @runtime_checkable
 class InvariantLaw(Protocol):
-    """A hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2."""
+    """The interface of a hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2.
+
+    The strain energy W is the sum of a function of I1 and a multiple of I2.
+    """
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
+        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3.
+
+        The other second derivatives are zero.
+        """
 
 
 def turned(F: Array, tensor: Array) -> Array:
@@ -62,11 +68,11 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """Return the matrix (6, 6, ...) of the linear map dE -> B dE B, for symmetric tensors B (6, ...) and dE.
+    """Return the matrix that gives the product B dE B for any symmetric tensor dE, (6, 6, ...).
 
-    The matrix gives the derivative of C^-1, the inverse of the right Cauchy-Green tensor: for B = C^-1, a change dE of
-    the Green strain changes B by -2 B dE B. The columns of the matrix belong to the components dE11, dE22, dE33, 2
-    dE12, 2 dE23, 2 dE13.
+    B is a symmetric tensor, (6, ...). The product is needed for the derivative of the inverse of the right
+    Cauchy-Green tensor, B = C^-1: a change dE of the Green strain changes B by -2 B dE B. The columns of the matrix
+    belong to the components dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
     """
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):

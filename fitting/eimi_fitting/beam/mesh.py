@@ -78,15 +78,14 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Return n + 1 increasing coordinates in mm that divide a length into n elements of graded size, shape (n + 1,).
+    """Divide a length into n elements that are shorter at its ends; return their n + 1 boundaries in mm, increasing.
 
-    An element at the start is shorter than an element in the middle by the factor ``1 + finer_at_start``, and an
-    element at the end by ``1 + finer_at_end``. With the distance from the start or from the end, the factor decreases
-    exponentially to 1; ``fade_mm`` is the distance in which its excess over 1 falls to 1/e.
+    Let x be the distance from the start. Near the start, there are 1 + a exp(-x / fade_mm) times as many elements per
+    mm as in the middle, with a = ``finer_at_start``. The elements near the end become shorter in the same way, with
+    ``finer_at_end``.
 
-    Without ``steps_mm``, n equals ``count``. ``steps_mm`` has coordinates that must be boundaries between elements.
-    Elements near these coordinates are shorter. Elements are added for this, so that the other elements keep their
-    size.
+    ``steps_mm`` has coordinates that must be boundaries of elements. Elements near them are shorter too. Elements are
+    added for this, so that the other elements keep their size. Without ``steps_mm``, n equals ``count``.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)

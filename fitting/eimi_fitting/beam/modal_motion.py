@@ -111,12 +111,12 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s of vibrations, from the frequencies that the beam would have with a modulus ratio r.
+    """Return the complex rates s of the vibrations of a viscoelastic beam, by fixed-point iteration.
 
-    For a fixed ratio r of the modulus in the vibration to the static modulus, the vibrations have the rates s with s² =
-    -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M (see the module). The ratio
-    r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is therefore solved by repetition:
-    r(s) at the last s gives the next s. Aitken's method accelerates the convergence.
+    Let r be the modulus in the vibration, divided by the static modulus. If r were a fixed number, a mode would have
+    the rate s with s² = -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M (see
+    the module). But the ratio r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is
+    therefore solved by iteration: r(s) at the last s gives the next s. Aitken's method accelerates the convergence.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def fixed_point(
     Returns
     -------
     ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN where the repetition does not converge, or where the mode does not vibrate.
+        The rates in 1/s; NaN where the iteration does not converge, or where the mode does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -164,12 +164,12 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return K_m and K_g in coordinates in which the mass matrix M is the identity, (B, m, m) each.
 
-    The arguments are K_m, K_g and M (see the module) of B candidate laws, reduced to m shapes. The eigenvalues of r K_m
-    + K_g are then squared frequencies.
+    The arguments are K_m, K_g and M (see the module) of B candidate laws, reduced to m shapes. In the new coordinates,
+    the eigenvalues of r K_m + K_g are squared angular frequencies, for any modulus ratio r.
 
-    Some of the m shapes may be linearly dependent, so that M is nearly singular. The coordinates without motion then
-    get a very large stiffness in K_g, and their frequencies lie above all others. If a candidate has an entry that is
-    not finite, both of its results are zero, with the identity as its mass.
+    Some of the m shapes may be linearly dependent. M is then nearly singular, and there are fewer than m independent
+    motions. The superfluous coordinates get a very large stiffness in K_g, so that their frequencies lie above all
+    others. For a candidate with an entry that is not finite, M is replaced by the identity, and K_m and K_g by zero.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

@@ -39,10 +39,10 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
 
-    Take one cross-section of the beam. Its left end is a line through the depth of the beam, and so is its right end.
-    In the picture, the outline passes through the point of this line that lies farthest from the middle of the beam,
-    measured along the normal of the outline. This point may lie at any depth. In a planar model these lines are
-    straight and normal to the plane of the beam.
+    The left face of the beam consists of lines through the depth, one at each station along the beam, and so does the
+    right face. The camera sees such a line from one end, or nearly so. Of each line, the point that appears farthest
+    outside belongs to the outline: the point that is farthest in the direction of the outward normal. This point may
+    lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
 
     Parameters
     ----------

@@ -244,9 +244,9 @@ def at_once(
 ) -> Shapes | None:
     """Return the shapes in many states, all solved together, or None if this does not succeed.
 
-    near: the configurations of a similar beam, one row for each state, from which the solutions begin. The result is
-    None if Newton's method does not converge in a few iterations for one candidate law in one state, or if the strains
-    of a solution are much larger than the strains of ``near``.
+    near: the configurations of a similar beam, one row for each state, from which the solutions begin. All solutions
+    must succeed. The result is None if, for any candidate law in any state, Newton's method does not converge in a few
+    iterations or finds strains that are much larger than the strains in ``near``.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -301,19 +301,21 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Solve the states of the candidate laws ``rows`` under a new load, in one step or in more and more smaller steps.
+    """Solve the states of the candidate laws ``rows`` under a new load, and repeat failed solutions in smaller steps.
 
-    The first attempt begins at ``near``, a configuration under a load close to the new load, if it is given. The next
-    attempts begin at the last state of ``path`` and reach the new load in 1, 4, 16 and 64 steps. A candidate takes part
-    in the next attempt if its last attempt failed, or if its solution may belong to another equilibrium path. If a
-    candidate buckles in two attempts in succession, without having left its path, the path loses stability before the
-    new load is reached, and no further attempt is made.
+    If ``near`` is given, the first attempt begins at this configuration, which belongs to a load close to the new load.
+    The other attempts begin at the last state of ``path`` and reach the new load in 1, 4, 16 and 64 steps. An attempt
+    is repeated in smaller steps only for some candidates: those whose solution failed, and those whose solution may
+    belong to another equilibrium path.
 
-    For the candidates that reach the load, the configurations in ``now`` are overwritten. Returns the status and the
-    number of iterations of each of ``rows``.
+    A candidate is given up if it buckles in two attempts in succession and has certainly stayed on its path. The path
+    then becomes unstable before the new load is reached, and smaller steps would not help.
+
+    The new configurations are written into ``now``, except for candidates that do not reach the load. Returns the
+    status and the number of iterations of each of ``rows``.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
-    lost = np.zeros(len(rows), bool)  # whether a candidate surely buckled in steps of the last size
+    lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
     iterations = np.zeros(len(rows), np.intp)
     unfinished = np.arange(len(rows))  # places in ``rows`` that have not arrived
     for cuts in _CUTS if near is None else (0, *_CUTS):
@@ -351,10 +353,12 @@ def _divided(
     """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the last state of the path.
 
     Returns the configuration, the status and the number of iterations as `Solid.equilibrium` does, and one bool for
-    each of ``rows``: whether its solution surely belongs to the same equilibrium path. If Newton's method needs many
+    each of ``rows``: True if the solution certainly belongs to the same equilibrium path. If Newton's method needs many
     iterations, it may end at an equilibrium of another path (Deuflhard 2011, Newton Methods for Nonlinear Problems,
     section 5.1). The bool is therefore True only if every step needed few iterations and its largest strain was not
-    much larger than predicted. only_try: see `Solid.equilibrium`.
+    much larger than predicted.
+
+    only_try: True to give up a candidate as soon as its tangent stiffness is not positive definite.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -368,7 +372,7 @@ def _divided(
     going = np.arange(len(rows))
     for c in range(1, cuts + 1):
         target = previous + (load - previous) * c / cuts
-        # If whole steps have failed, the path through them does not predict a small step, which then starts at its end.
+        # The first of several small steps starts at the last state, because the extrapolation has failed before.
         predicted = _extrapolate(recent, target) if cuts == 1 or c > 1 else None
         guess = predicted or recent[-1][1]
         batch, factor = chosen.take(rows[going])
@@ -378,8 +382,8 @@ def _divided(
             contracts &= _as_predicted(solid, predicted, part)
         again = np.flatnonzero(~contracts | np.isin(outcome, _FAILED))
         if predicted is not None and cuts == _CUTS[-1] and len(again):
-            # Extrapolation stretches a beam that has only begun to turn, by the square of its turn. The last attempt
-            # therefore starts from the end of the path.
+            # An extrapolated rotation lengthens the beam: the nodes move along straight lines and not along arcs. The
+            # last attempt therefore starts at the last state of the path.
             batch, factor = chosen.take(rows[going[again]])
             other, ended, more = solid.equilibrium(
                 batch, loads_at(target, factor), recent[-1][1].take(again), tolerance_mm

@@ -68,6 +68,8 @@ def with_modes(
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
     """Return a table of a rest shape with a mode added to its values.
 
+    A table with few rows cannot represent the mode. Rows are therefore inserted between its rows.
+
     Parameters
     ----------
     rows : tuple of (float, float)
@@ -78,7 +80,7 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
         The mode as a function of the arc length divided by the length of the flexible part, from 0 at the clamp to 1.
         Beyond the flexible part, the value of the mode at 1 is added.
     before : callable
-        Function that returns the value of the table ``rows`` at any fraction of the beam's length.
+        Function that interpolates the table ``rows`` at any fraction of the beam's length, for the inserted rows.
     """
     if rows:
         at, values = np.array(rows).T
@@ -109,11 +111,11 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line in rad if bending mode i has the flexible length l as its amplitude.
+    """Return the angle of the centre line that bending mode i causes, in rad, if its amplitude is the length l.
 
-    An amplitude is the largest offset of the centre line. The angle for another amplitude is proportional to it. x: arc
-    length from the clamp, divided by l. With ``integrals`` = 1, the offset of the centre line divided by l is returned
-    in place of the angle.
+    l is the length of the flexible part. The amplitude of a mode is the largest offset of the centre line, and the
+    angle is proportional to the amplitude. x: arc length from the clamp, divided by l. With ``integrals`` = 1, the
+    offset of the centre line divided by l is returned in place of the angle.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -28,7 +28,9 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
     """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the face.
 
-    If the magnet is shallower than the beam, there are at least two elements on each side of the magnet's edge.
+    If the magnet is less deep than the beam, one of the lines is the face of the magnet, with at least two elements on
+    either side of it. magnet_depth: depth of the magnet in mm. more: number of elements to add over half of the depth;
+    the part inside the magnet's depth and the part outside get this number each.
     """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:

@@ -17,7 +17,7 @@ STANDARD_GRAVITY = 9.80665  # m / s²
 
 @dataclass(frozen=True)
 class Magnet:
-    """A block magnet in the middle of the beam's width, magnetised along the beam toward the tip.
+    """A block magnet in the middle of the beam's width. By default it is magnetised along the beam, toward the tip.
 
     The magnet ends at the tip of the beam, or ``tip_offset_mm`` before the tip. If the specimen is wider, longer or
     deeper than the magnet, silicone surrounds the magnet. In a planar model the silicone before and behind the magnet
@@ -61,7 +61,7 @@ class Magnet:
 
     @property
     def direction(self) -> tuple[float, float]:
-        """The unit vector (x, y) of the magnetisation of a magnet whose long axis is along x."""
+        """The direction of the magnetisation as a unit vector: its components along the magnet's length and width."""
         angle = np.radians(self.magnetisation_angle_deg)
         return float(np.cos(angle)), float(np.sin(angle))
 

@@ -45,8 +45,9 @@ class Strip:
     Attributes
     ----------
     straight : Specimen
-        The straight strip that is mapped. The strip has the smallest width and depth that the specimen has along its
-        magnet. Without a magnet, the strip has ``width_mm`` and ``depth_mm`` of the specimen.
+        The straight strip: a straight beam of constant width and depth, which is mapped to the specimen at rest. If the
+        width varies along the magnet, the width of the strip is the smallest width there, and likewise the depth.
+        Without a magnet, the strip has ``width_mm`` and ``depth_mm`` of the specimen.
     is_straight : bool
         Whether the strip and the specimen at rest are the same.
 
@@ -125,7 +126,7 @@ class Strip:
         if self.is_straight:
             return points
         s, t = points.T
-        across = _moved(t, *self._lines_across(s)) if self._widths else t
+        across = _rescaled(t, *self._lines_across(s)) if self._widths else t
         if not self._shape.turns:
             return np.column_stack([s, across])
         angle = self.angle_rad(s)
@@ -141,7 +142,7 @@ class Strip:
             return places
         s, across = self._along_and_across(places)
         before, after = self._lines_across(s)
-        return np.column_stack([s, _moved(across, after, before)])
+        return np.column_stack([s, _rescaled(across, after, before)])
 
     def _along_and_across(self, places: Array) -> tuple[Array, Array]:
         if not self._shape.turns:
@@ -159,12 +160,12 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances of two lines from the centre line in mm, in the straight strip and in the beam at rest.
+        """Return the distances of two lines from the centre line, in the straight strip and in the beam at rest.
 
-        Row 0 of each result belongs to the side of the magnet (without a magnet, to a line inside the beam), and row 1
-        to the edge of the beam. `_moved` needs these distances to map the strip to the beam. The first result, (2, 1),
-        is for the straight strip (a straight beam of constant width), and the second, (2, n), for the beam at rest at n
-        arc lengths ``s``, (n,) in mm.
+        The two lines determine how the map from the strip (a straight beam of constant width) to the beam changes the
+        width, see `_rescaled`. They are the side of the magnet (row 0) and the edge of the beam (row 1). If the magnet
+        does not lie inside the width, row 0 belongs to a line half-way to the edge. The first result, (2, 1) in mm, has
+        the distances in the strip, and the second, (2, n), those in the beam at n arc lengths ``s``, (n,) in mm.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -185,7 +186,7 @@ class Strip:
 
         s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth in the strip in mm, (n,).
         """
-        return _moved(z, *self._lines_in_depth(s)) if self._depths else z
+        return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
         """Return the distances from mid-depth in the straight strip for n points of the beam at rest, (n,) in mm.
@@ -195,7 +196,7 @@ class Strip:
         s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth at rest in mm, (n,). This
         method is the inverse of `z_at_rest_mm`.
         """
-        return _moved(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
+        return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
     def _lines_in_depth(self, s: Array) -> tuple[Array, Array]:
         magnet = self.straight.magnet
@@ -210,12 +211,12 @@ class Strip:
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
-def _moved(value: Array, before: Array, after: Array) -> Array:
-    """Return the new distances of n points from the centre line, (n,), when the width or the depth of the beam changes.
+def _rescaled(value: Array, before: Array, after: Array) -> Array:
+    """Map distances from the centre line (or from mid-depth) from the straight strip to the beam at rest, or back.
 
-    ``value`` has the distances before the change, with a sign. Two distances are given before and after: ``before[0]``
-    becomes ``after[0]`` (the side of the magnet), and ``before[1]`` becomes ``after[1]`` (the surface of the beam). The
-    change is linear from the centre line to the side of the magnet, and linear again from there outward.
+    The map is piecewise linear. It moves the side of the magnet from the distance ``before[0]`` to ``after[0]``, and
+    the surface of the beam from ``before[1]`` to ``after[1]``. It is linear from the centre line to the side of the
+    magnet, and linear again from there outward. value: distances of n points with their sign, (n,) in mm.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after

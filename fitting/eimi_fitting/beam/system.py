@@ -230,9 +230,10 @@ class FactoredSystem:
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        For the Et elements with nodes of the rigid body (the magnet): the derivatives (Et, B, d, 3) of the elements'
-        unknowns by the body's unknowns, its translation and rotation. For the body: the additional stiffness, (B, 3,
-        3). None without a body.
+        Two arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation; None
+        without a body. The first array tells how the Et elements at the body move with it: the derivatives of their
+        unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the stiffness of the body itself,
+        for example due to a magnetic torque, (B, 3, 3).
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ class Transient:
         long_term = np.where(is_modulus, float(series.long_term) * parameters, parameters)
         rest = model.solve(law, long_term[None], loads, tolerance_mm=_TOLERANCE_MM)
         if not rest.converged[0]:
-            raise NotSolved("the beam has no computed equilibrium under the loads at the start of the motion")
+            raise NotSolved("no equilibrium of the beam was found under the loads at the start of the motion")
         now = rest.last
         elastic = self._evaluated(self._instantaneous, now.displacement).S
         body = self._inertia
@@ -214,8 +214,8 @@ class Transient:
         ev: Evaluation,
         remembered: Array,
         loads: SolidLoads,
-        pushed: Array,
-        pulled: Array,
+        node_accelerations: Array,
+        point_accelerations: Array,
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
@@ -234,13 +234,14 @@ class Transient:
             ``ev``.
         loads
             The loads on the mesh at the end of the time step.
-        pushed
+        node_accelerations
             Accelerations of the nodes in this iteration, (N, 2); they give the inertial forces on the nodes.
-        pulled
+        point_accelerations
             Accelerations of the two points of the magnet, (2, 2); they give the inertial force and moment on the
             magnet.
         inertia
-            Change of an acceleration for a change of the displacement by one unit, in 1/s²; 0 if inertia is neglected.
+            Derivative of an acceleration by the displacement at the end of the time step, in 1/s². This number times
+            the mass matrix is added to the stiffness. It is 0 if inertia is neglected.
         rigid
             The present translation and rotation of the magnet, (3,).
         """
@@ -248,7 +249,7 @@ class Transient:
         e = len(solid.mesh.elements)
         K = element.stiffness(solid.ops, ev, ev.S + remembered)
         force = ev.force + _force_of_stress(solid.ops, ev.F, remembered)
-        force = force + np.matmul(solid.by_element(pushed[None]), masses[:, None])
+        force = force + np.matmul(solid.by_element(node_accelerations[None]), masses[:, None])
         blocks = K.reshape(e, 1, 2, 9, 2, 9)
         for direction in range(2):
             blocks[:, :, direction, :, direction] += inertia * masses[:, None]
@@ -260,11 +261,11 @@ class Transient:
             half = 0.5 * self._inertia.body_mass
             turned, bent = self._turned(rigid, 1), self._turned(rigid, 2)
             pull = np.zeros((1, 3))
-            pull[:, :2] = loads.force - half * pulled.sum(axis=0)
-            pull[:, 2] = moment + loads.moment - half * (turned * pulled).sum()
+            pull[:, :2] = loads.force - half * point_accelerations.sum(axis=0)
+            pull[:, 2] = moment + loads.moment - half * (turned * point_accelerations).sum()
             stiffness = inertia * self._inertia.of_body(rigid[2:3])
             stiffness[:, 2, 2] += turning + solid.body.stiffness_of_turning(force, rigid[None])
-            stiffness[:, 2, 2] += half * (bent * pulled).sum()
+            stiffness[:, 2, 2] += half * (bent * point_accelerations).sum()
             body = solid.body.matrix(rigid[None]), stiffness, pull
         x, step, sound, _ = solid.system.solve(K, force, right, body, ev.valid, True)
         if not sound[0]:
@@ -288,12 +289,25 @@ class Transient:
     ) -> None:
         """Compute the velocities, accelerations and stresses at the end of a time step, and store the new state.
 
-        ``nodes`` and ``rigid`` are the displacements at the end of the step. The elastic stress S_e is the stress of
-        the candidate laws in ``batch`` divided by ``stiffness``, because these laws have ``stiffness`` times the
-        instantaneous modulus. ``fading`` has the factors exp(-dt / tau_i) and ``share`` the factors g_i a_i of the
-        module `beam.transient`; they give the new internal variables. ``accelerations`` is the function of the
-        generalised-alpha method that returns new accelerations. The velocity changes by the weighted mean of the old
-        and the new acceleration, times the step; ``gamma`` is the weight of the new one.
+        The velocity changes by the weighted mean of the old and the new acceleration, times the length of the step.
+
+        Parameters
+        ----------
+        nodes, rigid
+            Displacements of the nodes, (N, 2), and of the magnet, (3,), at the end of the step.
+        batch, stiffness
+            The law whose modulus is the instantaneous modulus times ``stiffness``. The time step was solved with this
+            law. Its stress is divided by ``stiffness``, which gives the elastic stress S_e.
+        fading, share
+            The factors exp(-dt / tau_i) and g_i a_i, (m,), which give the new internal variables (see the module).
+        step_s
+            Length of the step in s.
+        gamma
+            Weight of the new acceleration in the mean.
+        accelerations
+            Function that returns the new accelerations by the generalised-alpha method.
+        with_inertia
+            False: all velocities and accelerations are zero.
         """
         old = self._state
         elastic = self._evaluated(batch, nodes[None]).S / stiffness

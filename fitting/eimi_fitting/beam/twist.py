@@ -83,7 +83,7 @@ def twist_per_tilt(
     moment_N_m : ndarray, shape (K, S - 1)
         Bending moment in the plane between the stations in N m, from +x toward +y.
     force_N : ndarray, shape (K, S - 1, 2)
-        Force (x, y) on the part beyond the middle between two stations in N.
+        Sum of the loads (x, y) in N on a part of the beam: from the middle between two stations to the tip.
     couple_N_m : ndarray, shape (K, 2)
         The vector m_0 z x B of the field B and the magnet's moment m_0, in N m.
     out_of_plane_N_m2, torsion_N_m2 : float

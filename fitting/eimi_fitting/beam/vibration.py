@@ -171,9 +171,21 @@ class Vibration:
 
         There are m modes. The first result has the n unknowns of the nodes in each mode, (m, B, n), and the second the
         motion of the rigid body (the magnet), (m, B, 3). The method is subspace iteration (Bathe 2014, Finite Element
-        Procedures, section 11.6). For the arguments see `_tangents`; ``stiffness`` is the sum r K_m + K_g of the
-        element matrices with a modulus ratio r, ``factored`` the factorised system with this stiffness, and
-        ``body_rest`` the fourth result.
+        Procedures, section 11.6).
+
+        Parameters
+        ----------
+        factored : FactoredSystem
+            The factorised linear system with the stiffness below.
+        stiffness : ndarray, shape (E, B, u, u)
+            The stiffness r K_m + K_g of E elements with u unknowns each, for one modulus ratio r (see the module).
+        tie : ndarray, shape (Et, B, u, 3), or None
+            Derivatives of the displacements of the Et elements at the body by the motion of the body; None without a
+            body.
+        body_rest : ndarray, shape (B, 3, 3)
+            The part of K_g that belongs to the motion of the body itself.
+        now : Configuration
+            The equilibria.
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -239,7 +251,9 @@ class Vibration:
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
         """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
 
-        For the arguments see `_local`.
+        local: displacements of every element in each shape, as `_local` returns them. free: the unknowns of the nodes
+        in each shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the
+        equilibria, for the present rotation of the magnet.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -262,10 +276,11 @@ class Vibration:
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the mass matrix times each of m shapes, for B candidate laws.
+        """Return the products of the mass matrix and each of m shapes, for B candidate laws.
 
-        The first result is for the n unknowns of the nodes, (m, B, n), and the second for the rigid body (the magnet),
-        (m, B, 3). For the arguments see `_local`.
+        They are the right-hand sides of the next step of the subspace iteration. The first result is for the n unknowns
+        of the nodes, (m, B, n), and the second for the motion of the rigid body (the magnet), (m, B, 3). For ``free``,
+        ``rigid`` and ``tie`` see `_local`. now: the equilibria, for the present rotation of the magnet.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -287,9 +302,10 @@ class Vibration:
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
     """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of a stiffness and a mass matrix for B candidates.
 
-    stiffness, mass: symmetric matrices of each candidate law, (B, m, m). The shapes to which they are reduced may be
-    linearly dependent, so that ``mass`` is singular. A multiple of the rounding error is therefore added to the
-    diagonal of ``mass``, which must consist of ones. The eigenvectors have unit mass.
+    The eigenvalues are squared angular frequencies, and the eigenvectors have unit mass. stiffness, mass: symmetric
+    matrices of each candidate law, reduced to m shapes, (B, m, m), and scaled so that the diagonal of ``mass`` consists
+    of ones. The shapes may be linearly dependent. ``mass`` is then singular, and 1e-13 is therefore added to its
+    diagonal.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)

@@ -45,9 +45,10 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return the positions (x, y) in the image, (..., 2) in mm at mid-depth, of points (x, y, z), (..., 3) in mm.
+        """Return where points of the beam appear in the image, as positions (x, y) of shape (..., 2).
 
-        z points away from the camera. The clamp, at the origin, always appears at the origin.
+        The unit is a mm of the image that is true at mid-depth. The clamp, at the origin, always appears at the origin.
+        places_mm: coordinates (x, y, z) of the points in mm, (..., 3); z points away from the camera.
         """
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])

@@ -44,19 +44,21 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of the moduli of the beams, due to material lots and model errors.
+    """Return the standard uncertainty of the factor between the modulus of the beams and that of the tensile curves.
+
+    The factor is the same for all beams. It differs from 1, because beams and tensile specimens may be made of
+    different lots of the material, and because the beam model has errors.
 
     Parameters
     ----------
     lot : float
-        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves. Beams and
-        tensile specimens may be made of different lots of the material.
+        Relative standard deviation of the factor due to the different lots.
 
     Returns
     -------
     float
-        sqrt(lot^2 + model^2). ``model`` is the relative standard deviation of the modulus due to errors of the beam
-        model, 0.15 % / 1.96.
+        sqrt(lot^2 + model^2). ``model`` is the relative standard deviation of the factor due to errors of the beam
+        model, 0.15 % / 1.96; 0.15 % is half the width of the 95 % interval.
     """
     return float(np.hypot(lot, _MODEL))
 
@@ -66,10 +68,12 @@ def bending_rows(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms from the edges of bent beams.
 
-    The equations also contain errors of inputs (nuisances). The first nuisance is an error of all moduli of the beams
-    by a common factor, in units of `scale_deviation`. Each part of an input whose uncertainty a file specifies is a
-    further nuisance. The remaining error of the beam model counts as additional noise in each state. If a beam has no
-    equilibrium, the linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
+    The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
+    nuisance is an error of the modulus by a factor that all beams share; `scale_deviation` is its standard uncertainty.
+    The others are the errors of the inputs for which a file states an uncertainty; an input with several components,
+    such as x and y of the clamp, gives several nuisances. The remaining error of the beam model counts as additional
+    noise in each state. If a beam has no equilibrium, the linearisation is repeated about laws that are 1 % stiffer,
+    1 % softer and 3 % stiffer.
 
     Parameters
     ----------
@@ -124,13 +128,14 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals (misfit) of the better beam model, and the error that this model may still have.
+    """Return the residuals (misfit) of the best beam model, and an estimate of the error of these residuals.
 
-    The better model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
-    sections. It is compared with a coarser planar model. Both models use the law with the coefficients ``about``. The
-    error is a part of the difference between the two models: the difference of the residuals, times
-    `Refinement.remaining_share` (`inference.evidence.corrections`). It is used as a standard deviation, and has the
-    shape (K, G, m) of the residuals: G groups (edges, or x and y) of m points in K states.
+    The best model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
+    sections. The estimate comes from a comparison with a coarser planar model. It is the difference between the
+    residuals of the two models, times the share of this difference by which the best model may still be wrong
+    (`remaining_share` in `inference.evidence.corrections`). It is used as a standard deviation. Its shape is the shape
+    (K, G, m) of the residuals: G groups (edges, or x and y) of m points in K states. Both models use the law with the
+    coefficients ``about``.
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -200,11 +205,26 @@ def _whitened(
 ) -> tuple[Rows, float]:
     """Return the equations of one experiment divided by their noise, and the standard deviation of the noise in mm.
 
-    The edge of a state has many points and would give one equation for each point. Only a few combinations of these
-    equations contain information: the combinations along the derivatives by the coefficients, along the changes by the
-    nuisances (errors of inputs), and along the error of the beam model. The equations are therefore projected on the
-    span of these vectors. The error of the beam model is the same in the whole state; `_inverse_root` makes the
-    remaining equations independent.
+    The edge of a state has many points and would give one equation for each point. But all that the fit can change are
+    the coefficients and the nuisances (errors of inputs). Each of them displaces the points of the edge in one pattern,
+    a vector, and the error of the beam model is one more such vector. The equations are therefore projected on the
+    space of these few vectors. All projected equations of a state share the error of the beam model; `_inverse_root`
+    makes them independent.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The bent beam.
+    misfit : Misfit
+        The residuals of the law with the coefficients ``about``, for the best beam model.
+    model_error : ndarray, shape (K, G, m)
+        Error of the beam model in mm: G groups (edges, or x and y) of m points in K states.
+    slopes : ndarray, shape (J, K, G, m)
+        Derivatives of the residuals by the J coefficients in mm/Pa.
+    nuisances : ndarray, shape (q, K, G, m)
+        Changes of the residuals in mm, if one of the q nuisances has the size of its standard uncertainty.
+    about : ndarray, shape (J,)
+        Coefficients in Pa of the law about which the edges are linearised.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0

@@ -10,10 +10,10 @@
 
        S - S_best <= 1.5 * 2 |delta|.
 
-   This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. The right set is rarely
-   rejected: a larger set that contains it can only reduce S by fitting noise, by at most |delta|^2. The right set is
-   rejected only if |delta|^2 > 3 |delta|, that is, if the noise that the larger set fits, |delta|, is above three
-   standard deviations.
+   This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. It rarely rejects the
+   right set. Suppose that the best set contains the right set and has superfluous terms. These terms fit noise, which
+   reduces S by at most |delta|^2. The rule then rejects the right set only if |delta|^2 > 3 |delta|, that is, if
+   |delta| is above three standard deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it, and `upper_coefficients` computes how large each further term could be.
 """

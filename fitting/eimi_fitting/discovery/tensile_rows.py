@@ -24,7 +24,11 @@ def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
 
 
 def largest_x(strain: Array) -> float:
-    """Return I1 - 3 = s^2 + 2 / s - 3 at the largest stretch s = 1 + strain of an incompressible tensile test."""
+    """Return the value of I1 - 3 at the largest strain of a tensile test.
+
+    Terms such as Gent's are defined only up to a certain value of I1 - 3. The material is incompressible, so that
+    I1 = s^2 + 2 / s at the stretch s = 1 + strain.
+    """
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 

@@ -75,8 +75,9 @@ class Discovery:
         The sets that the data cannot distinguish from the best set and that contain no smaller set with the same
         property. The sets with the fewest terms come first.
     open_terms : dict of Term to float
-        If there is exactly one alternative: the further terms that could carry more than 15 % of the stress at
-        ``strain``, each with its possible share of the stress.
+        Terms that may or may not be part of the law, because the data limit their coefficients too weakly: each could
+        be added to the only alternative, and could then carry more than 15 % of the stress at ``strain``. The values
+        are these shares of the stress. Empty if there are several alternatives.
     strain : float
         Largest strain of the tensile curves, as a ratio; 1 if there is no curve.
     library : tuple of Term
@@ -191,7 +192,7 @@ def discover(
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
-        Any exception of `identify`, if no law explains the experiments.
+        An exception of the Neo-Hookean fit (`identify`), which is done if ``modulus_Pa`` is not given.
 
     Examples
     --------

@@ -7,11 +7,12 @@ in `laws.stability`) is positive. The determinant is, up to a positive factor,
 
     D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
 
-D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Compare all
-deformations with the same I1. The equibiaxial tension has the largest I2 of them, and the smallest value of the largest
-principal stretch. If any of them is unstable, the equibiaxial tension is therefore unstable too, at a smaller stretch.
-Only equibiaxial tension has to be examined. The limit is the first zero of D in equibiaxial tension: the smallest
-positive root of a polynomial in the square of the stretch.
+D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Equibiaxial
+tension is therefore the first deformation that becomes unstable, for two reasons. Among all deformations with the same
+I1, equibiaxial tension has the largest I2: if any of these deformations is unstable, equibiaxial tension is unstable
+too. And among the same deformations, equibiaxial tension has the smallest value of the largest principal stretch, in
+which the limit is expressed. Only equibiaxial tension has to be examined. The limit is the first zero of D in
+equibiaxial tension: the smallest positive root of a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations
@@ -68,9 +69,10 @@ class MooneyRivlin(InvariantLaw):
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
 
-        If C01 is negative, the stress has its maximum at this stretch. If C10 is negative, the two equal stretches
-        become unequal from this stretch on; there, C10 q + C01/q = 0 with the square q of the stretch. The result is
-        infinity if neither is negative, and 0 if C10 + C01 is not positive.
+        The limit has one of two causes. If C01 is negative, the stress has its maximum at this stretch. If C10 is
+        negative, a sheet under equal tension in two directions begins to stretch more in one of them; this happens
+        where C10 q + C01/q = 0, with the square q of the stretch. The result is infinity if neither is negative, and 0
+        if C10 + C01 is not positive.
         """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)

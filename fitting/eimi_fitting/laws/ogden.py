@@ -53,10 +53,10 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return how many terms of its series `_cosh_of_scaled_angle` must add for full precision, at most ten.
+    """Return the number of terms of a power series that have to be added for full precision, at most ten.
 
-    The number is large enough also for the second derivative. nu2: the largest nu^2 of all arguments; z: the largest c
-    - 1.
+    It is the series of g(c) = cosh(nu arccosh c) about c = 1, which `_cosh_of_scaled_angle` uses. The number is also
+    large enough for the second derivative of g. nu2: the largest nu^2; z: the largest c - 1.
     """
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0

@@ -142,6 +142,9 @@ def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.boo
 def smallest_positive_root(coefficients: Array) -> Array:
     """Return the smallest positive root of each of P polynomials of degree m.
 
+    A polynomial here measures the stability of a law: it is positive where the law is stable. The root is the limit of
+    stability.
+
     Parameters
     ----------
     coefficients
@@ -150,7 +153,8 @@ def smallest_positive_root(coefficients: Array) -> Array:
     Returns
     -------
     Array
-        (P,) roots: infinity if the polynomial has no positive root, 0 if its constant term is not positive.
+        (P,) roots: infinity if the polynomial has no positive root. 0 if its constant term is not positive, because
+        the law is then unstable from the start.
     """
     p, m = len(coefficients), coefficients.shape[1] - 1
     size = np.abs(coefficients).max(axis=1, initial=0.0)

@@ -22,10 +22,11 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     """Return the logarithm of the stretch up to which all deformations are proved to be stable.
 
     A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest one, and s is -1/2 in
-    uniaxial tension, 0 in planar tension and 1 in equibiaxial tension. A cell is an interval of l and an interval of s.
-    A cell that is not proved stable is divided into four smaller cells, and these are examined again. Cells are no
-    longer examined if their l is larger than that of a deformation which is known to be unstable. The result is the
-    smallest l of the cells that remain without a proof.
+    uniaxial tension, 0 in planar tension and 1 in equibiaxial tension. A cell is the set of deformations with l in one
+    interval and s in another. If the deformations of a cell cannot be proved to be stable, the cell is divided into
+    four smaller cells, which are examined in turn. A cell is left aside if an unstable deformation with a smaller l is
+    already known. Cells are divided at most 16 times. The result is the smallest l in the cells that are still without
+    a proof.
 
     Parameters
     ----------

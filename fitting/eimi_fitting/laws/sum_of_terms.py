@@ -208,8 +208,9 @@ class SumOfTerms:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The coordinates of the search: the initial shear modulus mu0 in Pa, then quotients coefficient / mu0.
 
-        Every term has a quotient except the first term whose coefficient is a part of mu0. The coefficient of this term
-        is mu0 minus the other coefficients that are a part of mu0.
+        mu0 is the sum of the coefficients of all terms that are stiff at rest. One of these terms, the first in the
+        list, has no quotient, because mu0 and the other coefficients determine its coefficient. Every other term has a
+        quotient.
         """
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
@@ -252,10 +253,11 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the parameters (..., 6) of laws `Ogden` whose sum consists of all Ogden terms of this law.
+        """Return the Ogden terms of this law as parameters of several laws of the class `Ogden`, (..., 6) each.
 
-        Each law `Ogden` has three terms; unused terms have the modulus zero. A term of this law with the coefficient mu
-        and the exponent alpha has the modulus mu_p = 2 mu/alpha in `Ogden`.
+        The energy of the Ogden terms is the sum of the energies of these laws. Each of them has three terms, so that
+        one is needed for every three terms of this law; a term that is left over has the modulus zero. A term of this
+        law with the coefficient mu and the exponent alpha has the modulus mu_p = 2 mu/alpha in `Ogden`.
         """
         laws = []
         for first in range(0, len(self._ogden), 3):

@@ -208,9 +208,10 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     See `Law.fit_stress`. The ratios are the dimensionless coordinates of the law, which have bounds. The stress is
     proportional to the modulus, so that linear least squares gives the best modulus for given ratios.
 
-    For the intervals, the bounds of a ratio are a normal prior with the variance of a uniform distribution between
-    them, and the interval of the ratio ends at the bounds. A dimensionless parameter of the law depends on the ratios.
-    Its interval contains its values at all combinations of the ends of their intervals.
+    The 95 % intervals take the bounds into account. The bounds of a ratio act as a normal prior with the variance of a
+    uniform distribution between them, and the interval of the ratio ends at its bounds. The dimensionless parameters of
+    the law are functions of the ratios. The interval of such a parameter is the range of its values, when every ratio
+    is at one or the other end of its interval, in all combinations.
     """
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])
@@ -327,7 +328,7 @@ def covariance_of(jacobian: Array, residual: Array, information: Array | None = 
     covariance
         (n, n) covariance.
     t
-        Student's factor t for a 95 % interval with m/tau - n degrees of freedom, at least 1.
+        Student's factor t for a 95 % interval. The number of degrees of freedom is m/tau - n, or 1 if this is less.
     tau
         Correlation length in rows.
     """
