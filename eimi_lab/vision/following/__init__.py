@@ -17,6 +17,7 @@ stated_width   move an edge inward if the body is wider than stated
 support        decide where each edge is reliable, and where the beam ends
 edge_points    fit blurred steps in the original image, and estimate the scatter of the points
 ends           remove the points at both ends where the width of the beam changes
+texture        average rough edges along the edge
 clicks         compare the followed path with clicked points
 doubts         measure shadows, reflections and clipping at the edges
 explaining     draw pictures of the intermediate results

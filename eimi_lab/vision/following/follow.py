@@ -16,6 +16,7 @@ from eimi_lab.vision.following.ends import trim_ends
 from eimi_lab.vision.following.reflections import remove_reflections
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.following.support import Sides, find_sides, sure_share
+from eimi_lab.vision.following.texture import average_texture
 from eimi_lab.vision.following.unrolled import FINENESS, UnrolledPicture, unroll
 from eimi_lab.vision.following.working import WorkingPicture, working_picture
 
@@ -145,7 +146,8 @@ def follow(
         "followed_gleam": reflection_share(unrolled, sides),
         "followed_clipped": clipped_share(unrolled, sides),
     }
-    return FollowedBeam(findings, coarse, strip, unrolled, sides, (left, right))
+    edges = average_texture(left, beam.width_px), average_texture(right, beam.width_px)
+    return FollowedBeam(findings, coarse, strip, unrolled, sides, edges)
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
