@@ -43,6 +43,9 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     right face. The camera sees such a line from one end, or nearly so. Of each line, the point that appears farthest
     outside belongs to the outline: the point that is farthest in the direction of the outward normal. This point may
     lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
+    In perspective, the two ends of a line may appear at different places along the beam. The points of neighbouring
+    lines that appear on one normal of the outline are then compared. Where the near and the far border of the face
+    cross, the outline therefore changes from one to the other without a step.
 
     Parameters
     ----------
@@ -80,10 +83,14 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
             )
         behind = place[..., :0:-1, :] * [1.0, 1.0, -1.0]
         projected = view.seen(np.concatenate([behind, place], axis=-2))
-    curves = projected[..., -1, :] if view is None else projected[..., projected.shape[-2] // 2, :]
-    for _ in range(2):
-        curves = _farthest(projected, _outward(curves))
-    return _segments(curves)
+    if view is None:
+        curves = projected[..., -1, :]
+        for _ in range(2):
+            curves = _farthest(projected, _outward(curves))
+        return _segments(curves)
+    middle = projected[..., projected.shape[-2] // 2, :]
+    normal = _outward(middle)
+    return _segments(_farthest(_abreast(projected, middle, normal), normal))
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
@@ -126,6 +133,40 @@ def _outward(curves: Array) -> Array:
     tangent = np.concatenate([direction[..., :1, :], inner, direction[..., -1:, :]], axis=-2)
     normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
     return np.asarray(normal * np.array([-1.0, 1.0])[:, None, None])
+
+
+def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
+    """Return points (x, y) of the lines at constant depth that lie on one normal at each of n stations.
+
+    The lines along the beam at m depths are given by their points at n stations, (..., n, m, 2), and have a quadratic
+    segment for every two steps. The result has the same shape: the places where the lines cross the normals (x, y),
+    ``normal`` (..., n, 2), through the points at mid-depth, ``middle`` (..., n, 2).
+
+    In perspective, the distance along the beam between the near and the far point of one station may exceed the
+    distance between two stations. An outline through the near point of one station and the far point of the next one
+    would then turn back.
+    """
+    n = lines.shape[-3]
+    tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
+    across = [np.einsum("...ndi,...ni->...nd", lines - middle[..., None, :], way) for way in (tangent, normal)]
+    # The place of each crossing on its line, in stations from the clamp.
+    x, y = lines[..., 0], lines[..., 1]
+    at = np.broadcast_to(np.arange(n, dtype=float)[:, None], x.shape)
+    at = at - across[0] / np.einsum("...ndi,...ni->...nd", np.gradient(lines, axis=-3), tangent)
+    for _ in range(2):
+        first = 2 * np.clip(at // 2, 0, (n - 3) // 2).astype(int)
+        xi = at - first - 1.0
+        corner_x, corner_y = ([np.take_along_axis(of, first + k, axis=-2) for k in range(3)] for of in (x, y))
+        gap, slope = [], []
+        for (one, two, three), origin in zip((corner_x, corner_y), (middle[..., 0], middle[..., 1]), strict=True):
+            bend, mean = one - 2 * two + three, 0.5 * (three - one)
+            gap.append(two + xi * (mean + 0.5 * xi * bend) - origin[..., None])
+            slope.append(mean + xi * bend)
+        along, ahead = (of[0] * tangent[..., None, 0] + of[1] * tangent[..., None, 1] for of in (gap, slope))
+        at = at - along / ahead
+    height = gap[0] * normal[..., None, 0] + gap[1] * normal[..., None, 1]
+    height -= along / ahead * (slope[0] * normal[..., None, 0] + slope[1] * normal[..., None, 1])
+    return np.asarray(middle[..., None, :] + height[..., None] * normal[..., None, :])
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
