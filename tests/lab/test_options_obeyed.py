@@ -245,6 +245,33 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
         assert (tmp_path / name).read_text() == f"what {name} holds"
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "fit a.h5 --model yeoh",
+        "discover a.h5",
+        "validate a.h5 --fit f.json",
+        "tensile b.csv --model yeoh",
+        "report a.h5 --fit f.json",
+        "plan f.json p.toml --specimen s.toml --rig r.toml",
+        "calibrate x.png --board charuco --coil-constant 4.7 --clamp-midpoint-px 1 1",
+        "calibrate x.png --specimen s.toml --coil-constant 4.7 --clamp-midpoint-px 1 1",
+    ],
+)
+def test_an_existing_result_is_refused_before_any_input_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: str
+) -> None:
+    """The inputs cannot be read. A command that read them first, or computed for an hour, would tell something else."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png", "old"):
+        (tmp_path / name).write_text(f"what {name} holds")
+    status, message = run(*command.split(), "-o", "old")
+    assert (status, message.count("\n")) == (2, 1)
+    assert "old: exists already; give another name, or --force to replace it" in message
+    assert (tmp_path / "old").read_text() == "what old holds"
+
+
 def test_states_that_their_run_has_flagged_are_left_out_unless_an_option_includes_them(dataset: Path) -> None:
     """A fit leaves out a state to which the run has attached a flag (a warning), unless an option includes such states.
 
