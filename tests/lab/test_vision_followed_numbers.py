@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -398,3 +400,63 @@ def test_a_projection_keeps_the_scale_of_the_camera() -> None:
         low = sum(weight for weight in weights if weight < 0.0)
         size = sum(abs(weight) for weight in weights)
         assert grey == pytest.approx((image @ np.array(weights) - 4095.0 * low) / size, abs=1.0)
+
+
+def findings_of(
+    unsure: float = 0.0, gain: float = 0.8, deviations: float = 10.0, length: float = 1.0
+) -> dict[str, float]:
+    """Return the findings of a straight beam whose edges are sure at 200 places.
+
+    unsure: share of the places at which the left edge is not sure. gain, deviations: how much better the edges explain
+    the picture, and how much they differ from the surroundings. length: share of the stated length that is followed.
+    """
+    sound = np.ones((2, 200), dtype=bool)
+    sound[0, 100 : 100 + round(200 * unsure)] = False
+    sides = SimpleNamespace(
+        sound=sound,
+        width=np.full(200, 1.1),
+        end=200,
+        projected=[SimpleNamespace(separation=np.full(200, more)) for more in (deviations, deviations + 5.0)],
+    )
+    along = length * 10.0 * np.arange(1, 201) / 200  # in widths of the beam
+    unrolled = SimpleNamespace(along=along, middle=np.column_stack([np.full(200, 150.0), 50.0 + 20.0 * along]))
+    strip = SimpleNamespace(gain=np.full(200, gain), rival=0.3)
+    beam = SimpleNamespace(width_px=20.0, length_px=200.0)
+    return follow_module._findings(beam, strip, unrolled, sides, (300, 400))
+
+
+@pytest.mark.parametrize(
+    ("picture", "is_clear", "is_faint"),
+    [
+        ({}, True, True),
+        ({"unsure": 0.05}, True, True),
+        ({"unsure": 0.15}, False, False),
+        ({"gain": 0.55}, True, True),
+        ({"gain": 0.45}, False, True),
+        ({"deviations": 6.5}, True, True),
+        ({"deviations": 5.5}, False, True),
+        ({"length": 0.85}, True, True),
+        ({"length": 0.75}, True, False),
+    ],
+)
+def test_only_a_clear_and_whole_beam_is_judged_by_the_limits_of_clear_pictures(
+    picture: dict[str, float], is_clear: bool, is_faint: bool
+) -> None:
+    findings = findings_of(**picture)
+    length = picture.get("length", 1.0)
+    assert findings["followed_stretch" if is_clear else "followed_length"] == pytest.approx(length)
+    assert findings["followed_faint" if is_faint else "followed_gain"] == pytest.approx(picture.get("gain", 0.8))
+    assert findings["followed_late" if is_clear else "followed_begin"] == 0.0
+    assert len({"followed_stretch", "followed_length", "followed_faint", "followed_gain"} & findings.keys()) == 2
+    assert findings["followed_contrast"] == picture.get("deviations", 10.0)
+    assert findings["followed_width"] == pytest.approx(np.log(1.1))
+    assert (findings["followed_change"], findings["followed_narrowing"], findings["followed_rival"]) == (0.0, 0.0, 0.3)
+    assert findings["followed_out"] == 0.0
+
+
+def test_a_beam_is_late_and_leaves_the_picture_by_what_is_missing_at_its_ends() -> None:
+    assert findings_of(length=1.75)["followed_out"] == 1.0  # the last place is 400 px below the upper border
+    sound = np.zeros((2, 200), dtype=bool)
+    assert follow_module._findings(None, None, None, SimpleNamespace(sound=sound), (300, 400)) == {
+        "followed_length": 0.0
+    }
