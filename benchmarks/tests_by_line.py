@@ -92,8 +92,9 @@ class TestsByLine:
           package.
         - No test was found: the tests in the files that contain the name of the module.
 
-        At most `MOST_TESTS` tests are returned, which together take at most `MOST_S` seconds. Half of this time is
-        given to the quickest tests, because the tests of a module itself are usually quick.
+        Tests in files that contain the name of the module are tried before the others. At most `MOST_TESTS` tests are
+        returned, which together take at most `MOST_S` seconds. Half of this time is given to the quickest tests,
+        because the tests of a module itself are usually quick.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
@@ -108,7 +109,9 @@ class TestsByLine:
             nodes = {context.partition("|")[0] for contexts in by_line.values() for context in contexts if context}
             package = self._of_files(_files_with(module.rpartition(".")[0]))
             chosen = [*self._in_order(importing), *self._in_order(nodes), *self._in_order(package)]
-        chosen = list(dict.fromkeys(chosen or self._in_order(self._of_files(_files_with(Path(file).stem)))))
+        named = _files_with(Path(file).stem)
+        chosen = list(dict.fromkeys(chosen or self._in_order(self._of_files(named))))
+        chosen.sort(key=lambda test: test.partition("::")[0] not in named)
         quick = self._quickest(chosen, MOST_S / 2)
         within: list[str] = []
         left_s = MOST_S - self.seconds(quick)
