@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import h5py
 import numpy as np
@@ -12,6 +14,8 @@ import pytest
 from eimi_fitting.time.measured import Motion
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes
 from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.face import moving
+from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
 
@@ -218,3 +222,72 @@ def test_each_of_several_flicks_is_a_ring_down(run: Run, files: Path) -> None:
     assert [motion.label.rpartition(": ")[2] for motion in motions] == ["flick 1", "flick 2"]
     for motion, size in zip(motions, (1.5, 0.9), strict=True):
         assert motion.points_mm[0, 1, 1] - motion.points_mm[-1, 1, 1] == pytest.approx(size, rel=0.15)
+
+
+def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: dict[str, Any] = {}
+    written: list[Any] = []
+
+    def read_motions(source: Path, specimen: Any, facts: Any, **named: Any) -> Any:
+        read.update(named, source=source, facts=facts)
+        return SimpleNamespace(motions="motions", calibration="its calibration")
+
+    monkeypatch.setattr(moving, "read_motions", read_motions)
+    monkeypatch.setattr(
+        "eimi_lab.dataset.moving.motion_import.write_motion_dataset", lambda *given: written.extend(given)
+    )
+    monkeypatch.setattr(moving, "open_dataset", lambda path: path)
+    facts: dict[str, Any] = {
+        "kind": "creep",
+        "hanging": 0.1,
+        "removed": 0.2,
+        "rate": 240.0,
+        "released": 0.3,
+        "exposure": 1e-3,
+    }
+    tracks: dict[str, Any] = {
+        "unit": "px",
+        "pixels_per_mm": 8.0,
+        "clamp": (4.0, 5.0),
+        "axis": 80.0,
+        "sigma": 0.4,
+        "rest": 7,
+    }
+    picture: dict[str, Any] = {
+        "region": (0, 1, 2, 3),
+        "polarity": "bright",
+        "channel": "red",
+        "beam_colour": (9.0, 8.0, 7.0),
+    }
+    path = moving.import_motion(
+        "film.mp4",
+        "type1",
+        tmp_path / "motion.h5",
+        axis=80.0,
+        format="kinovea",
+        plane="xz",
+        calibration="camera.toml",
+        along=[(1.0, 2.0), (3.0, 4.0)],
+        gravity_angle=85.0,
+        **facts,
+        **tracks,
+        **picture,
+    )
+    units = {"hanging": "_N", "removed": "_N", "rate": "_Hz", "released": "_s", "exposure": "_s", "row_time": "_s"}
+    assert vars(read["facts"]) == {
+        name + units.get(name, ""): value for name, value in (facts | {"row_time": 2e-5}).items()
+    }
+    placing = vars(read["placing"]("loaded"))
+    axis = {"axis_deg": tracks.pop("axis")}
+    assert placing == tracks | axis | {"plane": "xz", "calibration": "loaded"}
+    assert (read["source"], read["calibration"], read["tool"]) == (Path("film.mp4"), "camera.toml", "kinovea")
+    assert (read["has_gravity_direction"], read["output"]) == (True, path)
+    assert (written[0], written[1], *written[3:]) == (path, "motions", "its calibration", 85.0, True, False)
+    for no_gravity in (False, True):
+        moving.import_motion("film.mp4", "type1", tmp_path / "other.h5", no_gravity=no_gravity)
+        assert read["has_gravity_direction"] is no_gravity
+        assert (written[-3], written[-2]) == (None, not no_gravity)
+    with pytest.raises(InputError, match="rate = 0 should be greater than 0"):
+        moving.import_motion("film.mp4", "type1", tmp_path / "other.h5", rate=0.0)
