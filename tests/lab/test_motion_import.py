@@ -235,32 +235,13 @@ def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
         return SimpleNamespace(motions="motions", calibration="its calibration")
 
     monkeypatch.setattr(moving, "read_motions", read_motions)
-    monkeypatch.setattr(
-        "eimi_lab.dataset.moving.motion_import.write_motion_dataset", lambda *given: written.extend(given)
-    )
+    write = "eimi_lab.dataset.moving.motion_import.write_motion_dataset"
+    monkeypatch.setattr(write, lambda *given: written.extend(given))
     monkeypatch.setattr(moving, "open_dataset", lambda path: path)
-    facts: dict[str, Any] = {
-        "kind": "creep",
-        "hanging": 0.1,
-        "removed": 0.2,
-        "rate": 240.0,
-        "released": 0.3,
-        "exposure": 1e-3,
-    }
-    tracks: dict[str, Any] = {
-        "unit": "px",
-        "pixels_per_mm": 8.0,
-        "clamp": (4.0, 5.0),
-        "axis": 80.0,
-        "sigma": 0.4,
-        "rest": 7,
-    }
-    picture: dict[str, Any] = {
-        "region": (0, 1, 2, 3),
-        "polarity": "bright",
-        "channel": "red",
-        "beam_colour": (9.0, 8.0, 7.0),
-    }
+    times: dict[str, Any] = {"rate": 240.0, "released": 0.3, "exposure": 1e-3, "row_time": 2e-5}
+    facts: dict[str, Any] = {"kind": "creep", "hanging": 0.1, "removed": 0.2} | times
+    tracks: dict[str, Any] = {"unit": "px", "pixels_per_mm": 8.0, "clamp": (4.0, 5.0), "sigma": 0.4, "rest": 7}
+    picture: dict[str, Any] = {"region": (0, 1, 2, 3), "polarity": "bright", "channel": "red"}
     path = moving.import_motion(
         "film.mp4",
         "type1",
@@ -276,12 +257,9 @@ def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
         **picture,
     )
     units = {"hanging": "_N", "removed": "_N", "rate": "_Hz", "released": "_s", "exposure": "_s", "row_time": "_s"}
-    assert vars(read["facts"]) == {
-        name + units.get(name, ""): value for name, value in (facts | {"row_time": 2e-5}).items()
-    }
+    assert vars(read["facts"]) == {name + units.get(name, ""): value for name, value in facts.items()}
     placing = vars(read["placing"]("loaded"))
-    axis = {"axis_deg": tracks.pop("axis")}
-    assert placing == tracks | axis | {"plane": "xz", "calibration": "loaded"}
+    assert placing == tracks | {"axis_deg": 80.0, "plane": "xz", "calibration": "loaded"}
     assert (read["source"], read["calibration"], read["tool"]) == (Path("film.mp4"), "camera.toml", "kinovea")
     assert (read["has_gravity_direction"], read["output"]) == (True, path)
     assert (written[0], written[1], *written[3:]) == (path, "motions", "its calibration", 85.0, True, False)
