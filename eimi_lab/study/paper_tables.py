@@ -40,14 +40,15 @@ def number(value: float | None, digits: int = 3) -> str:
 
     Examples
     --------
-    >>> number(12.345), number(12345.6), number(None), number(float("inf"))
-    ('12.3', '12346', '–', '∞')
+    >>> number(12.345), number(1234.5), number(12345.6), number(None), number(float("inf"))
+    ('12.3', '1230', '12346', '–', '∞')
     """
     if value is None:
         return "–"
     if np.isinf(value):
         return "∞"
-    return f"{value:.{digits}g}" if abs(value) < 1e4 else f"{value:.0f}"
+    text = f"{value:.{digits}g}" if abs(value) < 1e4 else f"{value:.0f}"
+    return f"{float(text):.0f}" if "e+" in text else text
 
 
 def all_tables(findings: Findings) -> list[Table]:
