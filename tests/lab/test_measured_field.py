@@ -43,6 +43,22 @@ def test_given_uncertainties_of_the_gaussmeter_increase_the_uncertainties_of_the
     assert line.offset_mT_sigma == pytest.approx(np.hypot(0.02 * np.sqrt(1 / 3 + 0.25 / 0.5), 0.02))
 
 
+def test_uncertainties_that_the_gaussmeter_reports_count_only_for_complete_readings():
+    """Without an uncertainty in the rig file, that of one reading is the root mean square of the reported ones."""
+    current_A = np.array([0.0, 0.5, np.nan, 1.0, 0.7])
+    reported_mT = np.array([0.03, 0.04, 50.0, np.nan, 50.0])
+    line = field_line(HALL, current_A, 4.7 * current_A + [0.0, 0.0, 0.0, 0.0, np.nan], reported_mT)
+    rig = LoggedSensor("hall", "x", "field", "mT", uncertainty=float(np.sqrt(0.5 * (0.03**2 + 0.04**2))))
+    expected = field_line(rig, current_A[[0, 1, 3]], 4.7 * current_A[[0, 1, 3]])
+    assert line is not None
+    assert expected is not None
+    assert line.mT_per_A_sigma == pytest.approx(expected.mT_per_A_sigma)
+    assert line.offset_mT_sigma == pytest.approx(expected.offset_mT_sigma)
+    stated = field_line(rig, current_A, 4.7 * current_A, 100.0)
+    assert stated is not None
+    assert stated.offset_mT_sigma < 0.1  # the uncertainty in the rig file has precedence
+
+
 @pytest.mark.parametrize(("current_A", "field_mT"), [([0.5, 0.5], [2.0, 2.1]), ([0.0, 1.0], [0.0, np.nan]), ([], [])])
 def test_readings_at_one_current_give_no_line(current_A, field_mT):
     assert field_line(HALL, current_A, field_mT) is None
