@@ -2,9 +2,10 @@
 
 python -m benchmarks.felupe_strip
 
-The cantilever is in plane strain, with 30 x 3 x 5 mm and a Neo-Hookean material of 46 kPa. The cantilever is cast with
-a bend of 3 mm, and is 1 mm narrower at the tip than at the clamp. A force of 2 mN acts at the tip. The elements of
-FElupe are bilinear with mean dilatation. The script prints the displacement of the middle of the tip in mm.
+The cantilever is 30 mm long, 3 mm wide and 5 mm deep. It is in plane strain and has a Neo-Hookean material with a shear
+modulus of 46 kPa. It is cast with a bend of 3 mm, and is 1 mm narrower at the tip than at the clamp. A force of 2 mN
+acts at the tip. The elements of FElupe are bilinear with mean dilatation. The script prints the displacement of the
+middle of the tip in mm.
 """
 
 from __future__ import annotations

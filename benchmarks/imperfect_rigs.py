@@ -95,8 +95,8 @@ def _tilted(stated: Specimen) -> Specimen:
 def _loop(loads: Loads) -> Loads:
     """Return the loads with a field that is not uniform: the field of one current loop.
 
-    The field is strongest at the centre of the loop, where the field of the specimen is specified. At 15 mm from it,
-    the field is 2 % lower.
+    The loads state the field at one place of the beam. The centre of the loop is at this place, and the field is
+    strongest there. At a distance of 15 mm the field is 2 % lower.
     """
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))

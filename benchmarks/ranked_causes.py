@@ -191,7 +191,12 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines of text with numbers of fits: how often the true cause is ranked first or second, and others."""
+    """Return lines of text that count the fits by the rank of the true cause and by what the fit tells its reader.
+
+    The ranks are first, first or second, and the same for classes of similar causes. Two more lines count the fits that
+    give a wrong cause a probability above 0.9, and the fits whose interval or doubt contains the true modulus
+    (`Ranked.is_said`).
+    """
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),

@@ -97,7 +97,7 @@ def _constant(value: float, _: float) -> float:
 
 
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
-    """Draw a random viscoelastic material, simulate a measurement of the material, and return both.
+    """Draw a random viscoelastic material, simulate a measurement of it, and return the material and the measurement.
 
     Returns
     -------

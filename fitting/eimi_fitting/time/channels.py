@@ -6,8 +6,8 @@ channels of one recording are therefore linear combinations of a few signals. Ga
 
 A rolling shutter reads the rows of a frame one after another. A point is therefore recorded a little before or after
 the time of its frame. If this delay is constant, it only changes the phase of the channel, which is fitted anyway. If
-the point moves across the rows, its delay changes. The displacement in this change is then subtracted, computed as the
-change times the velocity.
+the point moves across the rows, its delay changes. The change times the velocity of the point is the distance by which
+the point has moved on in this time, and is subtracted from the recorded position.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class Signals:
     reduced : ndarray, shape (n, r)
         Independent signals; the standard deviation of their noise is about 1.
     patterns : ndarray, shape (r, c)
-        The matrix product of ``reduced`` and ``patterns`` is ``channels_mm`` divided by ``sigma_mm``.
+        The matrix product of ``reduced`` and ``patterns`` is ``channels_mm`` divided by ``sigma_mm``, without the mean
+        over the frames of the recording and without most of the noise.
     filled : float
         Fraction of the entries of ``channels_mm`` that were missing or outliers and were filled in.
     """
@@ -78,13 +79,16 @@ class Signals:
     def in_mm(self, reduced: Array) -> Array:
         """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm.
 
-        Reduced signals are a few independent signals whose combinations give all channels (coordinates of points).
+        A channel is one coordinate of one point. Reduced signals are a few independent signals, of which every channel
+        is a linear combination.
         """
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 
 def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
-    """Return the signals of a recorded motion: the coordinates of all visible points as functions of time.
+    """Return the signals of a recorded motion: the coordinates of its points over time, without gaps and outliers.
+
+    Only points that are visible in at least 40 % of the frames are used.
 
     Parameters
     ----------
@@ -200,10 +204,10 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Return the few signals r, (n, r), whose combinations give all c channels in n frames, and the patterns (r, c).
+    """Reduce c channels to a few (r) signals; return the signals in n frames, (n, r), and the patterns, (r, c).
 
-    A channel is one coordinate of one point. The product of signals and patterns is the channels, without most of the
-    noise; see `Signals`.
+    A channel is one coordinate of one point, and ``values`` has the channels in n frames, (n, c). The matrix product of
+    signals and patterns is the channels, without their mean over the frames and without most of the noise.
     """
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)

@@ -234,7 +234,7 @@ def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs
 def _dense(signals: Signals) -> Signals:
     """Return the signals up to the frame after which the time intervals between frames become much longer.
 
-    In a record of creep the intervals grow with time.
+    In a recording of creep the intervals grow with time. The vibration is searched in the dense frames only.
     """
     gaps = np.diff(signals.time_s)
     if len(gaps) < 2 * _RUN:
@@ -311,8 +311,8 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
     """Return how the amplitude of a vibration changes with time: n times in s, (n,), and amplitudes in mm, (n,).
 
-    The vibration has a given frequency in Hz; only a band of frequencies around it counts. The amplitude is that of the
-    coordinate of a point that moves most at this time.
+    The vibration has a given frequency in Hz; only a band of frequencies around it counts. The amplitude at each time
+    is the largest one among all coordinates of all points.
     """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T

@@ -86,8 +86,8 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
     """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames.
 
-    label: where the recording comes from; hangs: whether a weight hangs from the beam, whose swing is the reason for
-    close vibrations.
+    label: where the recording comes from; hangs: whether a weight hangs from the beam. Its swing then explains
+    vibrations of almost equal frequency, so that they cause no warning.
     """
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals

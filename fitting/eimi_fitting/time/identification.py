@@ -292,8 +292,8 @@ def _analysed(
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
     """Return the table of the beam's frequencies for the loads and the hanging weight of a recorded motion.
 
-    If ``tables`` has such a table, it is returned. Otherwise it is computed, about the modulus that belongs to the
-    measured frequency in ``decay``, and appended to ``tables``.
+    If ``tables`` has such a table, it is returned. Otherwise it is computed for moduli around the one with which the
+    beam has the measured frequency in ``decay``, and appended to ``tables``.
     """
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:

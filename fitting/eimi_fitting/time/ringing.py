@@ -256,7 +256,7 @@ class RingTable:
         """Return the modulus that a solid section would give, divided by the modulus that the stated section gives.
 
         Both moduli give the same lowest frequency. The stated section is the one in the file, such as plane strain. The
-        result is 1 if it is a solid. `NoEquilibrium` is raised if the solid has no equilibrium.
+        result is 1 if the stated section is solid. `NoEquilibrium` is raised if the solid model has no equilibrium.
         """
         if self.beam.specimen.section == "solid":
             return 1.0

@@ -88,8 +88,8 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 class CreepEvidence:
     """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
 
-    Only changes of the rotation are measured, up to a constant. The weighted mean of the residuals is therefore
-    subtracted from them.
+    The rotation is measured up to an unknown constant, so that only its changes are evidence. The weighted mean of the
+    deviations is therefore subtracted from the deviations.
 
     Attributes
     ----------
