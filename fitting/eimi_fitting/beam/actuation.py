@@ -67,11 +67,11 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """The positions that the computation of loads needs from a mesh: of the nodes, of the magnet and of any point.
+    """The interface of a mesh for the computation of loads: it finds the magnet and any point of the specimen.
 
-    The meshes of the planar and of the solid model (`Grid` and `SolidGrid`) have these members. A mesh is first built
-    in a straight beam of constant width (the straight strip). A map then bends the strip, with its mesh, to the rest
-    shape of the specimen (`beam.strip`). Loads are given in positions at rest, and elements are found in the strip.
+    A mesh is first built in a straight beam of constant width (the straight strip). A map then bends the strip, with
+    its mesh, to the rest shape of the specimen (`beam.strip`). Loads act at given positions at rest. These positions
+    are first mapped back to the strip, where the elements around them are found.
     """
 
     specimen: Specimen

@@ -264,7 +264,10 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether each of B rows of an array has only finite entries whose squares do not overflow, shape (B,)."""
+    """Return whether the entries of each of B rows of an array are finite and of moderate size, shape (B,).
+
+    The sum of the squares of a row must not overflow. Candidate laws whose rows fail this check are not solved.
+    """
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)

@@ -52,7 +52,7 @@ class BentBeam:
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether every state was solved: one bool, or shape (P,) for P candidate laws; see `Shapes.converged`."""
+        """Whether every state has the status CONVERGED: one bool, or shape (P,) for P candidate laws."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
@@ -126,7 +126,7 @@ class BentBeam:
         per_segment : int
             Number of points of the polyline for each quadratic segment.
         view : View or None
-            See `outline`.
+            The perspective of the camera; None for a telecentric lens.
 
         Returns
         -------

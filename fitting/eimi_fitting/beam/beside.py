@@ -31,8 +31,8 @@ Method = Literal["either", "interpolate", "follow"]
 ACCURACY_MM = 1e-3  # In most of the specimen the error is a tenth of this. Measured edges have errors of 1e-3 mm.
 
 _FEW = 6  # iterations of Newton's method from a start that is near
-# Share of the range of places within which two places are the same. States under equal loads differ by the tolerance of
-# the planar shapes. The depth effect is a few hundredths of the deflection, and changes by less than 1 µm there.
+# Two states count as the same if their measures of bending differ by less than this share of the range. (States under
+# equal loads differ by the tolerance of the planar shapes.) The depth effect then differs by less than 1 µm.
 _SAME = 1e-3
 _STRAIGHT = 1e-6  # largest distance of loads from a straight line, as a share of the largest load
 _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
@@ -90,7 +90,10 @@ class SolidShapes(Shapes):
 
 
 class SolidBeside:
-    """A solid model and a planar model (plane stress) on the same grid lines; solves one candidate law at a time.
+    """The solid model of a specimen, solved at low cost with the help of a planar model (plane stress).
+
+    Both models have the same grid lines in the plane. The planar shapes are the start for the solid model, which is
+    then solved in a few states only (see the module). One candidate law is solved at a time.
 
     Parameters
     ----------

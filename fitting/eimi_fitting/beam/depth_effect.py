@@ -160,10 +160,10 @@ class DepthEffect:
 
         d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The base is the depth
         effect of a similar candidate law, to which this object only adds a correction. The result has no base: it is a
-        polynomial through values of d(s) at as many values s as the base has solved states. They are the values s of
-        these states. If s is the rotation of the tip (``by_turn``), all of them are multiplied by the ratio of the two
-        rotations that were solved first, because this candidate bends more or less than the candidate of the base. If
-        this object has no solved states of its own, the result is the base.
+        polynomial through values of d(s), at the values s of the states in which the base was solved. If s is the
+        rotation of the tip (``by_turn``), these values are first adapted, because this candidate bends more or less
+        than the candidate of the base. They are multiplied by the ratio of the rotations in the states that were solved
+        first for the two candidates. If this object has no solved states of its own, the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self

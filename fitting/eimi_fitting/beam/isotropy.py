@@ -50,7 +50,8 @@ class InvariantLaw(Protocol):
 def turned(F: Array, tensor: Array) -> Array:
     """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...).
 
-    The six components are 11, 22, 33, 12, 23, 13.
+    For the deformation gradient F and the second Piola-Kirchhoff stress, the product is the first Piola-Kirchhoff
+    stress. The six components are 11, 22, 33, 12, 23, 13.
     """
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 

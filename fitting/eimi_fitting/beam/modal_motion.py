@@ -28,10 +28,11 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of B candidate laws, reduced to m shapes.
+    """The matrices of small motions of the beam for B candidate laws, reduced to m shapes.
 
-    K_m is the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the
-    mass matrix.
+    A motion of all nodes is approximated by a sum of m given shapes, so that the matrices have the size m x m. K_m is
+    the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the mass
+    matrix.
 
     Attributes
     ----------

@@ -24,8 +24,8 @@ class BeamModel:
     """The planar model of a specimen. The model is built once and can be solved for any number of candidate laws.
 
     The magnet is rigid. Loads and stiffnesses are per mm of depth. If the depth of the magnet is smaller than the depth
-    of the beam, the silicone before and behind the magnet moves rigidly with the magnet. `Beam` chooses between this
-    model and the solid model.
+    of the beam, the silicone in front of the magnet and behind it, seen from the camera, moves rigidly with the magnet.
+    `Beam` chooses between this model and the solid model.
 
     Parameters
     ----------

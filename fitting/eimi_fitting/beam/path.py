@@ -1,8 +1,9 @@
-"""Solve the states of a path (a sequence of loads), one after another or all at once.
+"""Solve a sequence of states, each under given loads, one after another or all at once.
 
 If the states are solved one after another, the solution of each state begins at an extrapolation of the earlier states.
-If the step from one state to the next fails, or may have ended on another equilibrium path, the step is repeated in 4,
-16 and 64 smaller steps.
+The solutions are meant to follow one equilibrium path: the curve of equilibria that the beam passes through while the
+loads grow. If the step from one state to the next fails, or may have ended on another equilibrium path, the step is
+repeated in 4, 16 and 64 smaller steps.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _CUTS = (1, 4, 16, 64)
 _FEW = 6  # most iterations of a step that stays on its path; one less to a tolerance looser than _LOOSE_MM
 _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
-_OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02
+_OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02  # a strain is as predicted if it is below 1.5 times the predicted one plus 0.02
 _MOST_POINTS = 6  # points of the path that an extrapolation uses
 _AT_ONCE = 1400  # elements of all candidates and states together: more need more memory and save no time
 
@@ -406,9 +407,9 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain is about as large as predicted, for each of B candidate laws, shape (B,).
+    """Return whether the largest strain is not much larger than predicted, for each of B candidate laws, shape (B,).
 
-    A much larger strain is a sign of a folded corner of the mesh. A smaller strain is accepted.
+    A much larger strain is a sign of a corner of the mesh that is folded over.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
@@ -419,9 +420,10 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Return the configuration under a load, extrapolated from the states of a path by Lagrange's polynomial.
+    """Return the configuration under a new load, extrapolated from the last solved states by Lagrange's polynomial.
 
-    The result is None if the loads of the last states and the new load do not lie on a straight line.
+    ``path`` has these states with their loads. The last two loads and the new load must lie on a straight line, in this
+    order and not too close together. Otherwise the result is None.
     """
     if len(path) < 2:
         return None

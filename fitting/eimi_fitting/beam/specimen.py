@@ -20,8 +20,8 @@ class Magnet:
     """A block magnet in the middle of the beam's width. By default it is magnetised along the beam, toward the tip.
 
     The magnet ends at the tip of the beam, or ``tip_offset_mm`` before the tip. If the specimen is wider, longer or
-    deeper than the magnet, silicone surrounds the magnet. In a planar model the silicone before and behind the magnet
-    moves rigidly with the magnet.
+    deeper than the magnet, silicone surrounds the magnet. In a planar model the silicone in front of the magnet and
+    behind it, seen from the camera, moves rigidly with the magnet.
 
     Parameters
     ----------

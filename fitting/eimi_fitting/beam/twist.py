@@ -123,9 +123,10 @@ def twist_per_tilt(
 
 
 def _at_stations(between: Array) -> Array:
-    """Return vectors at S stations (cross-sections), (K, S, 2), from vectors between the stations.
+    """Return the tangents of the middle line at S stations (cross-sections), (K, S, 2).
 
-    The vectors are extrapolated to both ends.
+    between: the tangents between neighbouring stations, (K, S - 1, 2). At an inner station the result is the mean of
+    the two tangents beside it. At both ends the result is extrapolated.
     """
     first = 1.5 * between[:, :1] - 0.5 * between[:, 1:2]
     last = 1.5 * between[:, -1:] - 0.5 * between[:, -2:-1]

@@ -221,8 +221,8 @@ class Vibration:
 
         There are E elements with u displacements each, and B candidate laws, which have different shapes. free: the
         unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the rigid body (the magnet),
-        (m, B, 3). tie: the array of `RigidBody.matrix`, which gives the displacements of the body's nodes; None without
-        a body.
+        (m, B, 3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body,
+        (Et, B, u, 3); None without a body.
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -331,9 +331,9 @@ def _tangents(
     """Return the tangent stiffness about an equilibrium in two parts, and two arrays for the rigid body (the magnet).
 
     The first two results are the matrices K_m (tangent of the law) and K_g (stresses and loads) of each of E elements
-    with u unknowns, for B candidate laws, (E, B, u, u) each. The third result is the array of `RigidBody.matrix`, or
-    None without a body. The fourth result is the contribution of the body's own unknowns, translation and rotation, to
-    K_g, (B, 3, 3).
+    with u unknowns, for B candidate laws, (E, B, u, u) each. The third result tells how the Et elements at the body
+    move with it: the derivatives of their unknowns by the translation and rotation of the body, (Et, B, u, 3), or None
+    without a body. The fourth result is the part of K_g that belongs to the motion of the body itself, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

@@ -28,8 +28,8 @@ LIBRARY = tuple(Term.of(name) for name in ("i1", "i2", "i1^2", "i1^3", "gent=20"
 LOT = 0.02
 MOST_TERMS = 3
 _MOST_PASSES = 8  # of linearisation
-_STANDS = 0.5  # stop once a pass moves the edges by less than this, in units of the noise
-_SAME_NOISE = 0.02  # stop once a pass changes the noise by less than this share
+_STANDS = 0.5  # the linearisation is repeated until the edges move by less than this, in units of the noise
+_SAME_NOISE = 0.02  # the linearisation is repeated until the noise changes by less than this share
 _ROOM = 1.02  # a Gent term is used if its limit of I1 - 3 exceeds that of the curves by this factor
 _SHARE = 0.15  # a further term is reported if it could carry more than this share of the stress
 _DEFAULT_STRAIN = 1.0  # at which the stress is compared if there is no tensile curve

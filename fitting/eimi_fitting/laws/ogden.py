@@ -8,11 +8,11 @@ as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 
 Stability. The Hessian of the energy by the logarithmic stretches is diagonal with the entries f(ln lambda_i), where
 f(e) = sum over p of mu_p alpha_p exp(alpha_p e). A deformation is stable if sum over i of f(ln lambda_i) d_i^2 is
-positive for all increments d_i of the logarithmic stretches whose sum is zero (`laws.stability`). This sum increases
-with each f. The deformations are divided into cells, in each of which every ln lambda_i stays within an interval. If
-the sum is positive with lower bounds of f on these intervals, all deformations of the cell are stable
-(`laws.stable_cells`). Unlike a scan, this proof cannot overlook an unstable deformation between sampled deformations. A
-cell that cannot be proved stable counts as unstable.
+positive for all increments d_i of the logarithmic stretches whose sum is zero (`laws.stability`). The deformations are
+divided into cells. In a cell, each ln lambda_i stays within an interval, and f has a lower bound on this interval. The
+sum is positive in the whole cell if it is positive with these lower bounds in place of f (`laws.stable_cells`). Unlike
+a scan, this proof cannot overlook an unstable deformation between sampled deformations. A cell that cannot be proved
+stable counts as unstable.
 
 Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
 is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without both

@@ -98,7 +98,7 @@ class Term:
 
     @property
     def name(self) -> str:
-        """The name from which `of` creates the term."""
+        """The name of the term, such as ``"i1^2"`` or ``"gent=20"``."""
         return self.kind if self.number is None else f"{self.kind}={self.number:g}"
 
     @property

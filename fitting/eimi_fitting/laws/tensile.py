@@ -51,7 +51,8 @@ class TensileFit:
     rmse_Pa
         Root mean square error of the engineering stress over the rows that were used.
     rows, rows_left_out
-        Number of rows of the curve that were used, and number of rows in the window of strains that were left out.
+        Number of rows of the curve that were used, and number of rows in the window of strains that were left out. Only
+        a fit of relative residuals leaves out rows: those whose stress is not positive.
     max_strain
         Largest engineering strain among the rows that were used.
     correlation_rows
