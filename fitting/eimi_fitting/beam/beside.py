@@ -237,7 +237,8 @@ class SolidBeside:
 
         The depth effect is the shape of the solid model minus the shape of the planar model. It is interpolated as a
         function of a scalar s that measures the bending, see `beam.depth_effect`. ``chosen`` is the candidate law.
-        ``flat`` has the shapes of the planar model in all states, and ``lift`` their displacements (`_lift`).
+        ``flat`` has the shapes of the planar model in all states, and ``lift`` its displacements at the nodes of the
+        solid mesh.
 
         The states are solved in Leja's order: the next state is the state for which the product of its distances from
         all solved states is largest. A distance is a difference of s. The loop ends when the shape of the solid model
@@ -318,8 +319,8 @@ class SolidBeside:
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
         """Return the planar shapes in some states as configurations of the solid model, with one row for each state.
 
-        Only displacements are set; the stresses stay zero. lift: the planar displacements, interpolated at the x and y
-        of the nodes of the solid mesh (`_lift`). All nodes with the same x and y are displaced equally.
+        Only displacements are set; the stresses stay zero. lift: the planar displacements at the x and y of the nodes
+        of the solid mesh, (1, K, n, 3) in mm. All nodes with the same x and y are displaced equally.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
@@ -328,7 +329,7 @@ class SolidBeside:
         """Return the shapes of the solid model in all states: the planar shapes plus the depth effect.
 
         The depth effect is the interpolated difference between the shapes of the two models. ``flat`` has the planar
-        shapes, and ``lift`` the planar displacements (`_lift`).
+        shapes, and ``lift`` the planar displacements at the nodes of the solid mesh.
         """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along

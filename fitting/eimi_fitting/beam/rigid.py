@@ -61,7 +61,8 @@ class RigidBody:
 
         An entry is the derivative of one of the u displacements of an element by the translation (x, y) or the rotation
         of the body. It is zero for a node that does not belong to the body. There are B candidate laws, and Et elements
-        with nodes of the body (the magnet with the silicone that moves rigidly with it). rigid: see `carry`.
+        with nodes of the body (the magnet with the silicone that moves rigidly with it). rigid: translation (x, y) in
+        mm and rotation in rad of the body for each candidate, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -74,7 +75,8 @@ class RigidBody:
 
         A node of the rigid body (the magnet) moves on a circle when the body turns. The moment of a constant force on
         this node therefore changes with the rotation, and its derivative is a stiffness. force: the forces (E, B, u) on
-        the u unknowns of each of E elements, for B candidate laws. rigid: see `carry`.
+        the u unknowns of each of E elements, for B candidate laws. rigid: translation (x, y) in mm and rotation in rad
+        of the body for each candidate, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation

@@ -251,9 +251,9 @@ class Vibration:
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
         """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
 
-        local: displacements of every element in each shape, as `_local` returns them. free: the unknowns of the nodes
-        in each shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the
-        equilibria, for the present rotation of the magnet.
+        local: displacements of each of E elements in each shape, (m, E, B, u). free: the unknowns of the nodes in each
+        shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the equilibria,
+        for the present rotation of the magnet.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -279,8 +279,11 @@ class Vibration:
         """Return the products of the mass matrix and each of m shapes, for B candidate laws.
 
         They are the right-hand sides of the next step of the subspace iteration. The first result is for the n unknowns
-        of the nodes, (m, B, n), and the second for the motion of the rigid body (the magnet), (m, B, 3). For ``free``,
-        ``rigid`` and ``tie`` see `_local`. now: the equilibria, for the present rotation of the magnet.
+        of the nodes, (m, B, n), and the second for the motion of the rigid body (the magnet), (m, B, 3).
+
+        free: the unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the body, (m, B,
+        3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body, (Et, B,
+        u, 3); None without a body. now: the equilibria, for the present rotation of the magnet.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -318,8 +321,7 @@ def _quadratic(local: Array, matrices: Array) -> Array:
     """Return the m x m matrix v_i^T A v_j of an assembled matrix A and m shapes v_i, for B candidate laws, (B, m, m).
 
     A is not assembled. The products are computed for each element and added. matrices: the element matrices (E, B, u,
-    u) of A, for E elements with u unknowns each. local: the displacements of each element in each shape, (m, E, B, u);
-    see `Vibration._local`.
+    u) of A, for E elements with u unknowns each. local: the displacements of each element in each shape, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
