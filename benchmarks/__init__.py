@@ -1,8 +1,8 @@
-"""Benchmarks: each script prints figures that the documentation quotes.
+"""Benchmarks: scripts that measure errors, times and faults of the program, and modules that these scripts share.
 
-Run a script with `python -m benchmarks.NAME` in the top folder. `python -m benchmarks` runs the scripts of
-docs/benchmarks.md. A hidden beam, law or material is simulated with known parameters, which the fit does not know. A
-planar model has two dimensions, and a solid model has three dimensions.
+Run a script with `python -m benchmarks.NAME` in the top folder. `python -m benchmarks` runs the scripts whose results
+are in docs/benchmarks.md. In this list, a beam, law or material is hidden if it is simulated with known parameters that
+the fit does not know. A planar model has two dimensions, and a solid model has three dimensions.
 
 speed               the time of one simulated curve of tip positions, and how this time grows
 peer, felupe_beam   the same curve in FElupe, another program for finite elements
@@ -43,7 +43,7 @@ first_frame         the time from the start of the program to the first frame
 settling            the time that the check for a motionless beam takes for each frame
 kill_campaign       kill measurements at random moments, and check the coil and the stored states
 off_campaign        cause every fault that can keep a coil on, at full current, and time the switching off
-off_faults          the faults of off_campaign
+off_faults          each fault that off_campaign causes, and how a run must react to it
 spoilt_bench        a measurement at full current on an emulated supply in another process
 spoilt_run          `eimi` with a camera in which another program can cause faults
 camera_faults       an emulated GigE camera that loses packets, vanishes or is replaced

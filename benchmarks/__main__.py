@@ -1,7 +1,8 @@
 """Run all benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
 
-Each benchmark runs in a separate process, one after another, and prints its table. ``--short`` uses reduced sizes and
-takes about a quarter of an hour. ``--only NAME`` runs one benchmark; the page keeps the tables of the others.
+The benchmarks run one after another, each in a separate process, and each prints a table. ``--short`` uses reduced
+sizes and takes about a quarter of an hour. ``-o FILE`` writes all tables to a page. ``--only NAME`` runs one benchmark
+and replaces only its table on the page.
 """
 
 from __future__ import annotations

@@ -7,9 +7,10 @@ two or three terms of the library, drawn at random, and an initial shear modulus
 carries at least 15 % of the stress at the end of the tensile test. The evidence for each law consists of
 
 - a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
-- a beam of type 1, 2 or 3 bent in six states (load steps), simulated on a finer mesh than the mesh of the fit, with
-  0.4 µm of noise on its edge points. The material lot of the beam is stiffer or softer than the lot of the tensile test
-  by 2 % (one standard deviation). The discovery knows this uncertainty.
+- a bent beam in six states (load steps), simulated on a finer mesh than the mesh of the fit, with 0.4 µm of noise on
+  its edge points. The dimensions are those of one of the specimen files type1, type2 and type3. The beam is stiffer or
+  softer than the law by a random 2 % (standard deviation), as if it came from another lot of the material than the
+  tensile test. The discovery knows this uncertainty.
 
 Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid model. ``--solid`` uses the
 solid model for both. The search for the modulus at the beginning of a discovery is left out: the discovery starts
@@ -136,7 +137,7 @@ def row(name: str, words: Sequence[str]) -> str:
 
 
 def main() -> int:
-    """Print a table of the right, open and wrong results, and return the exit status.
+    """Print a table with the numbers of right, open (not identifiable) and wrong results; return the exit status.
 
     The status is 1 if less than 90 % of the results from bending and tension together are right, or if more than 5 % of
     the results from bending alone are wrong. Otherwise the status is 0.

@@ -1,16 +1,17 @@
-"""Serve an emulated supply from a separate process, which reports the current of the coil and simulates faults.
+"""Serve an emulated supply in a separate process, which reports the current of the coil and simulates faults.
 
     python -m benchmarks.emulated_supply korad pty
 
-The first argument is the driver, the second the kind of line. `port` is a serial port that can be unplugged.
+The first argument is the driver of the supply. The second is the kind of connection: `pty` (a pseudo-terminal in place
+of a serial port), `port` (a serial port that can be unplugged), `tcp` or `hislip`.
 
-The script prints the address of the supply. It then prints a line for every change of the output, of the set-point or
-of the true current. The line contains four values: the time (s) on the monotonic clock, which all processes of a
-machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
+The script prints the address of the supply. It then prints a line of text for every change of the output, of the
+set-point or of the true current. The line contains four values: the time (s) on the monotonic clock, which all
+processes of a machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
 
 A fault begins when its name, such as `shorted`, is written to the standard input of the script; ``eimi emulate
---faults`` lists the names. In this script, `slow` delays answers by 0.4 s. `contact` is a further name: a bad contact
-that adds 6 ohm to the leads. `none` ends all faults.
+--faults`` lists the names. In this script, `slow` delays answers by 0.4 s. The script knows two more words: `contact`
+causes a bad contact that adds 6 ohm to the leads of the coil, and `none` ends all faults.
 """
 
 from __future__ import annotations

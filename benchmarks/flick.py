@@ -3,16 +3,19 @@
     python -m benchmarks.flick [--scenes 20] [--first 0] [--share 1] [--difficulties] [-o FOLDER]
     python -m benchmarks.flick --film flick.mp4 [--seconds 2.4]
 
-Each scene is rendered, filmed and described with errors (`tests.shared.phone_films`): a phone's perspective and tilt,
-rolling shutter, exposure, noise and video compression. The video is imported with three clicks on the strip and fitted
-as in the tutorial "A modulus without a magnet: flick a strip".
+Each scene is a rendered video with the perspective, tilt, rolling shutter, exposure, noise and compression of a phone
+(`tests.shared.phone_films`). The video is imported with three clicks on the strip and fitted as in the tutorial "A
+modulus without a magnet: flick a strip".
 
 The table gives the error of the dynamic modulus, the half-width of its 95 % interval, and whether the interval contains
 the hidden modulus. The dimensions and the density that a person would type have random errors, and they cause a part of
-the error of the modulus; the column "of sizes" gives this part. The goal is that every error is below 5 %. With
---difficulties, one scene is filmed several times, each time with one difficulty of a recording by hand, such as a phone
-that is held in the hand instead of standing on a support. With --film FILE, only the video of the first scene is
-written, for the tutorial.
+the error of the modulus; the column "of sizes" gives this part. The goal is that every error is below 5 %.
+
+--first         The seed of the first scene.
+--share         The size of the frames, as a share of 1280 x 720 px.
+--difficulties  One scene is filmed several times, each time with one difficulty of a recording by hand, such as a phone
+                that is held in the hand instead of standing on a support.
+--film          Only the video of the first scene is written, for the tutorial; --seconds sets its duration.
 """
 
 from __future__ import annotations

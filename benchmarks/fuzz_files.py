@@ -1,4 +1,4 @@
-"""Read mutated files: each file must be read completely or refused in one line.
+"""Read mutated files: each file must be read completely or refused with a message of one line.
 
     python -m benchmarks.fuzz_files --files 2000
 
@@ -7,9 +7,9 @@ as a crash leaves them), TOML files, fits.json, tensile curves and images. Every
 commands of eimi-lab use, and the outcomes are counted. One process reads many files. A process that dies, or that takes
 more than 10 s of processor time for a file, is counted and replaced.
 
-With --recover, only datasets are mutated. A separate process then recovers each dataset as `eimi recover` does, with
-the same limits of memory and time. A process that dies or exceeds the time limit is then not a fault, because the
-command `eimi recover` reports the failure in one line.
+With --recover, only datasets are mutated. A separate process then recovers each dataset in the way and with the limits
+of memory and time of the command `eimi recover`. A process that dies or exceeds the time limit is then not a fault,
+because `eimi recover` reports this in one line.
 """
 
 from __future__ import annotations

@@ -1,19 +1,25 @@
-"""Measure the error of the modulus on an imperfect bench: fits of virtual solids with one error that no file mentions.
+"""Measure the error of the modulus if one property of the bench differs from its files.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
     [--first SEED] [--keep FOLDER] [--record FILE]
 
-Each fit belongs to one imperfection: a property of the bench that differs from the files, such as a tilted camera. A
-fit compares possible causes of its residuals, and `fits.json` lists these causes with probabilities. The imperfection
-has the name of its cause in this list. The beam is the beam of the bench example. The true beam is a simulated
-Neo-Hookean solid on a finer mesh than the mesh of a fit, in eight fields up to 7.05 mT. The edges have white noise.
+Such a property is an imperfection of the bench, for example a tilted camera. A bench with one imperfection (or two) is
+simulated, and its beam is fitted as if the files were right. A fit also compares possible causes of its residuals and
+gives a probability to each of them (in `fits.json`). The benchmark measures the error of the modulus, and whether the
+imperfection is found as the most probable cause. CAUSE is the name of an imperfection, which is also the name of the
+cause in `fits.json`. By default all imperfections are simulated.
 
-Every imperfection is fitted with the straight shape of the specimen file and with the rest shape, the shape without
-load, that is measured in the edges. The first line of a fit gives the error of the modulus and its 95 % interval from
-noise and mesh. The line also says whether the 95 % interval from all uncertainties in the files contains the true
-modulus. The second line gives the rank of the true cause among the compared causes. The last lines count the ranks.
+The beam is that of the bench example, in eight fields up to 7.05 mT. It is simulated as a Neo-Hookean solid on a finer
+mesh than the mesh of the fit. The edges have white noise.
 
---both      The fields have both signs, and increase and then decrease.
+Two fits are made for each imperfection and seed of the noise. The first assumes the straight shape in the specimen
+file. The second uses the rest shape (the shape without load), which is measured in the edges. The output has two lines
+for a fit. The first line gives the error of the modulus with a 95 % interval from noise and mesh, and says whether the
+95 % interval from all uncertainties in the files contains the true modulus. The second line gives the rank of the true
+cause among the compared causes. The last lines of the output count the ranks.
+
+--seeds     The number of seeds (by default 5); --short uses one seed, and --first sets the first seed.
+--both      13 fields of both polarities, which increase and decrease, replace the eight fields.
 --measured  Only the fits with the measured rest shape are made.
 --rendered  A picture of each state is rendered, and the edges are found in the picture.
 --planar    The true beam and the beam of the fit are in plane stress, which takes a fifth of the time.
@@ -103,10 +109,10 @@ def _loop(loads: Loads) -> Loads:
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return changed loads, under which a beam of constant stiffness bends as a beam does whose stiffness changes.
+    """Return larger loads that stand for a softer beam: the loads, divided by ``stiffness``.
 
-    ``stiffness`` has the factor on the stiffness of the beam in each of K states, (K,); for example, creep makes it
-    smaller. The loads are divided by this factor.
+    ``stiffness`` contains the factor on the stiffness of the beam in each of K states, (K,). For example, creep makes
+    this factor smaller than 1. The softer beam under ``loads`` bends as far as the unchanged beam under the result.
     """
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
@@ -290,7 +296,7 @@ def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path
 
 
 def main() -> None:
-    """Fit every imperfection with every seed, with the straight shape and with the measured rest shape."""
+    """Simulate and fit the chosen imperfections; print two lines for each fit, and the counts of the ranks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5, help="number of seeds of the noise")

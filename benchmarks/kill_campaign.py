@@ -75,9 +75,9 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class ObservedInstrument:
-    """An emulated instrument that shows when a run has sent its first message: it then sets the event `first`.
+    """Pass messages on to an emulated instrument, and set the event `first` when the first message arrives.
 
-    `instrument` is the emulated instrument that answers the messages.
+    The event shows that a run has begun to use the instrument. `instrument` answers the messages.
     """
 
     def __init__(self, instrument: Responder) -> None:

@@ -209,11 +209,11 @@ def run_tests(
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on a copy of the project; this function is the whole work of a new process.
+    """Run pytest on a copy of the project, and end the process with the exit status of pytest.
 
-    The process is a copy of this one, in which only third-party packages are loaded, so that pytest imports the project
-    from the copy. transcript: the file that receives the output of pytest. tests: the tests. test_limit_s: time limit
-    of a test, s.
+    This function runs in a new process, in which only third-party packages are already imported, to save time. The
+    modules of the project are imported from the copy, a folder. transcript: the file that receives the output of
+    pytest. tests: the tests. test_limit_s: time limit of a test, s.
     """
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]

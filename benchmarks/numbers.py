@@ -137,10 +137,10 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the name under which values are compared: their keys, joined by dots, without case, law and index.
+    """Return the name of the quantity to which a value belongs: its keys, joined by dots.
 
-    The same quantity of all cases and laws has one name. `path` has the keys that lead to a value, as `leaves` yields
-    them.
+    The name of the case, the name of the law and list indices are left out, so that a quantity has the same name in all
+    cases and laws. `path` contains the keys that lead to the value, as `leaves` yields them.
     """
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest

@@ -117,11 +117,11 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that reported the coil as off too early, while its true current was above a limit.
+    """Return the messages that said that the coil was off, although its true current was still above a limit.
 
-    Below the limit, the coil counts as off. A message may state the limit. For a message without a limit, the limit of
-    the last message that stated one is used, and before any such message `OFF_A`, the smallest limit of all families of
-    supplies.
+    A coil may be called off if its current is below the limit. Some messages state the limit. For a message without it,
+    the limit of the last message that stated one is used. Before any such message the limit is `OFF_A`, the smallest
+    limit of all families of supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):

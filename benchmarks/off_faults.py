@@ -23,10 +23,10 @@ class Fault:
     driver : str
         Name of the supply's driver.
     transport : str
-        Kind of line to the supply: "pty" and "port" are serial ports, "tcp" is a socket, and "hislip" is HiSLIP.
+        Kind of connection to the supply: "pty" and "port" are serial ports, "tcp" is a socket, and "hislip" is HiSLIP.
     act : callable
-        Takes the trial and causes the fault. It returns the time (s, monotonic clock) from which it is counted how long
-        the coil stays on.
+        Takes the trial and causes the fault. It returns a time (s, monotonic clock): the switching off is timed from
+        this time on.
     said : str
         Regular expression that the messages of the run must contain.
     off_within_s : float
@@ -144,10 +144,10 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return the words for a line to a supply, which are a part of the name of a fault.
+    """Return a text that identifies the connection to a supply, as a part of the name of a fault.
 
-    The words are the transport, such as "tcp", for the usual lines in `LINES`. For any other line the driver follows,
-    as in "tcp keysight-n6700".
+    For the connections in `LINES` the text is the transport alone, such as "tcp". For any other connection the driver
+    follows, as in "tcp keysight-n6700".
     """
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 

@@ -8,8 +8,8 @@ The tables below contain positions of corners of the two bodies. A person marked
 folder. Their positions in px were converted to mm in the plane in which the body bends. The conversion needs the pose
 of the camera, its focal length and the size of a square marker in the pictures:
 
-- The poses are published with the pictures. The pose of picture 0 of the spine is a mirror image of the true pose. A
-  square seen in a picture permits two poses, and here the other one was used.
+- The poses are published with the pictures. From one picture of a square, two poses are possible, which are mirror
+  images of each other. The published pose of picture 0 of the spine is the wrong one. The conversion uses the other.
 - The focal length (905 px) and the edge of the marker (20.0 mm) follow from the corners of the marker in four pictures
   and the published poses.
 - Positions of the cantilever are divided by 1.03, so that its head has the length and width of the published CAD model.

@@ -26,12 +26,21 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class Entry:
-    """One possible cause of the residuals in a result file `fits.json`.
+    """One possible cause of the residuals of a fit, as the result file `fits.json` lists it.
 
-    name: the cause. probability: the probability that the fit gives to the cause. value: the size of the cause.
-    shift_percent: the change of the modulus by the cause, %. like: the names of the causes that the data cannot
-    distinguish from this one, because they change the residuals in nearly the same way. A cause and its `like` form a
-    class.
+    Attributes
+    ----------
+    name : str
+        Name of the cause.
+    probability : float
+        Probability that the fit gives to the cause.
+    value : float
+        Size of the cause, in the unit that `fits.json` gives for it, such as deg for a tilt.
+    shift_percent : float
+        Change of the modulus if a fit takes the cause into account, %.
+    like : tuple of str
+        Names of the causes that the data cannot distinguish from this one, because they change the residuals in nearly
+        the same way. A cause and its ``like`` form a class.
     """
 
     name: str
@@ -59,7 +68,8 @@ class Ranked:
         Ends of two 95 % intervals of the error of the modulus, %: the interval from all stated uncertainties, and the
         interval from noise and mesh alone.
     doubted_percent : tuple of float or None
-        Range of the changes of the modulus that the doubt names, %; None without a doubt that names a cause.
+        Smallest and largest change of the modulus, %, if the cause is present that a doubt (a warning) names. None if
+        no doubt names a cause.
     doubts : int
         Number of doubts of any kind.
     causes : tuple of Entry
@@ -160,10 +170,10 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether a reader of the fit learns of the true modulus: from the interval, or from the interval and a doubt.
+        """Whether the true modulus is in the 95 % interval, or is in it after the change of which a doubt warns.
 
-        True if the interval contains the true modulus. Also true if a doubt names a range of changes of the modulus
-        (`doubted_percent`), and the interval contains the true modulus after one of these changes.
+        The interval is the one from all stated uncertainties. The doubt gives a range of changes of the modulus
+        (`doubted_percent`). It is enough if one of these changes shifts the interval over the true modulus.
         """
         if self.holds or self.doubted_percent is None:
             return self.holds
@@ -191,11 +201,10 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines of text that count the fits by the rank of the true cause and by what the fit tells its reader.
+    """Return lines of text, each with a number of fits.
 
-    The ranks are first, first or second, and the same for classes of similar causes. Two more lines count the fits that
-    give a wrong cause a probability above 0.9, and the fits whose interval or doubt contains the true modulus
-    (`Ranked.is_said`).
+    The lines count the fits by the rank of the true cause or of its class, the fits that give a wrong cause a
+    probability above 0.9, and the fits whose interval or doubt contains the true modulus (`Ranked.is_said`).
     """
     counts = {
         "first": sum(one.is_first for one in results),

@@ -1,15 +1,18 @@
-"""Count the doubts about fits of benches whose files are right.
+"""Count how often a fit has a doubt although the files of the bench are right.
 
 python -m benchmarks.rate_of_doubts [--experiments 100] [--seed 1] [--exact] [--one-polarity] [--record FILE]
 
-A doubt is a reason to distrust a fit. Each experiment is a virtual measurement of the beam of the bench example, in
-plane stress. The true value of every input is drawn with the standard uncertainty that the files of the bench example
-give. The edges have white noise; no pictures are rendered. The fit knows only the nominal values and their
-uncertainties, and it measures the shape at rest, as `eimi fit` does. The files are right, so that a doubt is a false
-alarm. A named cause need not be false, because the inputs deviate within their uncertainties.
+A doubt is a warning about a fit. Some doubts name a cause: a property of the bench that seems to differ from its files,
+such as a tilted camera. Each experiment is a virtual measurement of the beam of the bench example, in plane stress. The
+true value of every input, such as a width, is drawn about the nominal value with the standard uncertainty that the
+files of the bench example give. The edges have white noise; no pictures are rendered. The fit knows only the nominal
+values and their uncertainties, and it measures the shape at rest, as `eimi fit` does.
+
+The files are right, so that every doubt is a false alarm. A cause that a doubt names can still be present, because the
+inputs deviate within their uncertainties.
 
 --exact         Every input has its nominal value.
---one-polarity  Eight increasing fields of one polarity replace the fields of both polarities.
+--one-polarity  Eight increasing fields of one polarity (sign) replace the 13 fields of both polarities.
 --record        One line of JSON is appended to a file for each fit (`benchmarks.ranked_causes`).
 """
 
@@ -74,10 +77,10 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def counts(results: Sequence[Ranked]) -> str:
-    """Return lines of text with four numbers of fits.
+    """Return four lines of text, each with a number of fits.
 
-    They are the fits that name a cause, that have a doubt with a cause, that have any doubt, and whose interval
-    contains the true modulus.
+    The lines count the fits with a cause whose probability is above `_NAMED`, with a doubt that names a cause, with any
+    doubt, and with a 95 % interval that contains the true modulus.
     """
     named = sum(any(e.probability > _NAMED and e.name != NONE for e in one.causes) for one in results)
     lines = {
@@ -90,7 +93,7 @@ def counts(results: Sequence[Ranked]) -> str:
 
 
 def main() -> None:
-    """Print one line for each experiment, and the counts."""
+    """Simulate and fit the experiments; print the causes and doubts of each fit, and the counts of fits with doubts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="seed of the first experiment")

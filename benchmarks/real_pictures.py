@@ -10,9 +10,9 @@ axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
 --clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
 pictures `refusal` is left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
---chance DRAWS    Show how far the ratio of stated to observed deviation can be from 1 by chance. Points with random
-scatter are drawn DRAWS times, and the program states their deviation. For each edge, print the 95 % range of the ratio,
-and the median of the ratio of stated to true deviation.
+--chance DRAWS    Show how far the ratio of stated to observed deviation can be from 1 by chance. For each detected
+edge, DRAWS edges with a known random scatter are simulated, and the program states a deviation for each of them. The
+output is the 95 % range of the ratio, and the median of the ratio of stated to true deviation.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _DEGREE = 7  # degree of the polynomial about which the scatter of an edge is co
 
 
 def stated_over_observed(edge: EdgePoints) -> float:
-    """Return how large the stated standard deviation of an edge's points is, as a multiple of the observed one.
+    """Return the ratio of the stated to the observed standard deviation of an edge's points; NaN for too few points.
 
-    The search for the edges states a standard deviation for each point; their root mean square counts. The observed one
-    is the scatter of the points about a smooth line (a polynomial in the arc length). Return NaN if the edge has too
-    few points.
+    The search for the edges states a standard deviation for each point. The stated deviation of the edge is the root
+    mean square of these values. The observed deviation is the scatter of the points about a smooth line (a polynomial
+    in the arc length).
     """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan

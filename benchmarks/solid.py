@@ -1,4 +1,6 @@
-"""Verify the solid element and the solid model against exact solutions, plane strain and FElupe, another program.
+"""Verify the solid element and the solid model: compare them with exact solutions, plane strain and FElupe.
+
+FElupe is another program for finite elements.
 
 python -m benchmarks.solid [--short]
 """

@@ -1,4 +1,7 @@
-"""Start a complete run at full current on an emulated supply in another process, for `off_campaign`."""
+"""Start a complete measurement at full current, cause a fault, and observe how the coil is switched off.
+
+The supply is emulated in another process. `benchmarks.off_campaign` uses this module for its trials.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +39,8 @@ NAMES = 6000
 class Supply:
     """An emulated supply in a separate process, which reports every change of the output, set-point and current.
 
-    `driver` is the name of the emulated family of supplies. `transport` is the kind of line: "pty", "port", "tcp" or
-    "hislip".
+    `driver` is the name of the emulated family of supplies. `transport` is the kind of connection: "pty" or "port" (two
+    kinds of serial ports), "tcp" or "hislip".
     """
 
     def __init__(self, driver: str, transport: str) -> None:

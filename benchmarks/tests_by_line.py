@@ -85,15 +85,15 @@ class TestsByLine:
 
         The tests are chosen by the first rule that applies:
 
-        - The line is in a function. The tests that execute it come first. If a fixture executes it, the other tests in
-          the file of the fixture follow, because they may use the fixture.
-        - The line is outside all functions, and only the first import executes it. The tests that import the module, or
-          all modules, come first, then the tests that execute any line of the module, then those that import its
-          package.
-        - No test was found: the tests in the files that contain the name of the module.
+        - The line is in a function: first the tests that execute the line. If they do so in a fixture (the setup of
+          tests), then also the other tests in their files, because these may use the fixture.
+        - The line is outside all functions, so that only the first import of the module executes it: first the tests in
+          files that import the module or every module of the project, then the tests that execute any line of the
+          module, then the tests in files that import its package.
+        - These rules give no test: the tests in the files that contain the name of the module.
 
-        Tests in files that contain the name of the module are tried before the others. At most `MOST_TESTS` tests are
-        returned, which together take at most `MOST_S` seconds. Half of this time is given to the quickest tests,
+        Of these tests, those in files that contain the name of the module are tried first. At most `MOST_TESTS` tests
+        are returned, which together take at most `MOST_S` seconds. Half of this time is given to the quickest tests,
         because the tests of a module itself are usually quick.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))

@@ -1,9 +1,12 @@
 """Verify frequencies, loss factors and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
 
-The first table compares the frequencies with Euler-Bernoulli beams, and the complex frequency of one mode with closed
-forms. The table also compares the complex frequency of small vibrations with a solution in time, which has another mesh
-and another integrator. The second table fits hidden materials, whose parameters the fit does not know, with two Prony
-terms. For each material, two free vibrations (ring-downs) and two recordings of creep are simulated by the rod model of
+The first table verifies the computed frequencies in three ways. The frequencies of elastic beams are compared with
+Euler-Bernoulli beams. The complex frequencies of two viscoelastic oscillators with one degree of freedom are compared
+with their exact values. The complex frequency of a viscoelastic beam is compared with a simulation of the free
+vibration over time, on another mesh.
+
+The second table gives the errors of fits of hidden materials with two Prony terms, whose parameters the fit does not
+know. For each material, two free vibrations (ring-downs) and two recordings of creep are simulated by the rod model of
 the virtual rig and then fitted. The rod has the stiffness of a solid beam. The dimensions of this beam differ from the
 dimensions in the fit by random errors of the size of their uncertainties.
 """

@@ -8,7 +8,7 @@ the nominal values by random errors of the size of their stated uncertainties. T
 moves with the beam and damps it, have errors of the size that the fit states for them. Every position gets noise. The
 motion is that of the rod of the virtual rig (`tests.shared.creeping_rod`), which shares no equation with the fit.
 
-Six simplifications make hundreds of draws affordable. With --whole, none of the last three is made.
+Six simplifications make hundreds of draws affordable. The option --whole leaves out the last three of them.
 
 - The creep of the rod is computed without inertia. Its vibration is computed separately, from the tangent stiffness,
   and added. For one material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which
@@ -24,11 +24,13 @@ Six simplifications make hundreds of draws affordable. With --whole, none of the
   computes the intervals from noise alone.
 
 Each draw is written to the file as one line of JSON as soon as it is done, with its seed. Draws in the file are not
-repeated. Tables and curves are kept beside it, in FILE.tables. --table prints the table of the draws in the file,
-without further draws. The fit gives the modulus as a function of time at certain times, of which the table shows those
-nearest to 0.03, 1 and 30 s: 0.032, 1 and 32 s. "hold" is the share of intervals that contain the hidden value, and
-"chance" the 95 % interval of this share (Clopper and Pearson). "width over needed" is the standard deviation that the
-intervals state, divided by the observed standard deviation; both are those of ln(fitted value / hidden value).
+repeated. Tables of frequencies and curves of loads are kept in a second file, FILE.tables. --table prints the table of
+the draws in the file, without further draws.
+
+The table shows the modulus at the times 0.032, 1 and 32 s. These are the times of the fit nearest to 0.03, 1 and 30 s.
+The column "hold" gives the share of intervals that contain the hidden value, and "chance" gives the 95 % interval of
+this share (Clopper and Pearson). The column "width over needed" compares two standard deviations of ln(fitted value /
+hidden value): the one that the intervals state, divided by the one that is observed.
 """
 
 from __future__ import annotations
@@ -105,9 +107,10 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 
 
 def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
-    """Return the logarithms of the rod's two stiffnesses (of bending and of the hinge), (2,), and their derivatives.
+    """Return the logarithms of the two stiffnesses of the nominal rod, (2,), and their derivatives, (3, 2).
 
-    The derivatives are those with respect to the logarithms of width, depth and length, and have the shape (3, 2).
+    The first is the bending stiffness, the second the stiffness of the hinge between the rod and the magnet. The
+    derivatives are those by the logarithms of width, depth and length.
     """
 
     def logs(specimen: Specimen) -> np.ndarray:
@@ -188,11 +191,11 @@ HIDDEN: list[np.ndarray] = []
 
 
 def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
-    """Return the vibration of a reduced recording, whose positions show the creep alone.
+    """Return the known vibration of a recording instead of fitting it: the recorded positions show the creep alone.
 
-    The function takes the place of `decay_of`. Frequency and loss come from `REDUCED`. As in `decay_of`, the fitted
-    part of the recording begins when the amplitude is 5 % of the beam's length, and ends when the amplitude is 0.4
-    times the noise of a position.
+    A fit calls this function in place of `decay_of`. The simulation of the recording has stored frequency and loss in
+    `REDUCED`, by ``label``. As in `decay_of`, the vibration is used from an amplitude of 5 % of the beam's length down
+    to 0.4 times the noise of a position.
     """
     mode = REDUCED[label]
     decays_per_s = -mode.rate.real
