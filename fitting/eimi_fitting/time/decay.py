@@ -82,7 +82,7 @@ class Decay:
         baseline (the slow motion), envelope, and fitted vibrations.
     noise : float
         Standard deviation of the residuals near the frequency of the dominant vibration, divided by the standard
-        uncertainty of the recording.
+        deviation of the noise that the recording states.
     doubts : tuple of str
         Reasons to distrust the result, as texts; empty if there is none.
     baseline_mm : ndarray, shape (n, c)
@@ -201,7 +201,10 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _swing_in_words(swinging: ModalFit, label: str) -> str:
-    """Return the doubt about a ring-down in which the hanging weight swings; label: where the recording comes from."""
+    """Return the warning (doubt) that the hanging weight swings in a ring-down (a free vibration), as a text.
+
+    swinging: the fit of the two vibrations that the swing causes; label: where the recording comes from.
+    """
     first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
     return (
         f"{label}: the beam vibrates at {first_Hz:.4g} and at {other_Hz:.4g} Hz, as when the hanging weight swings "
@@ -311,8 +314,8 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
     """Return how the amplitude of a vibration changes with time: n times in s, (n,), and amplitudes in mm, (n,).
 
-    The vibration has a given frequency in Hz; only a band of frequencies around it counts. The amplitude at each time
-    is the largest one among all coordinates of all points.
+    The vibration has a given frequency in Hz, and a filter removes distant frequencies. The amplitude at each time is
+    the largest one among all coordinates of all points.
     """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T

@@ -110,7 +110,9 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
 
     A hanging weight (``hangs``) may begin to swing. The swing raises the loss, and only the windows before this rise
     are used. Without a hanging weight, a large change of the frequency or of the loss shows that something touches the
-    beam. A touch adds loss. Therefore the windows whose loss is certainly the smallest are used.
+    beam. Such changes divide the windows into groups. A touch adds loss, and therefore the group with the smallest loss
+    is used. The groups are compared by upper limits of their loss, so that a group with an uncertain loss is not
+    preferred.
     """
     if len(windows) < 2:
         return slice(0, len(windows))
@@ -143,15 +145,17 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return how much a swinging weight changes ln(frequency) and the loss factor between time windows, (2,).
+    """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
 
-    Two differences are computed for each of the two numbers, and the larger one is returned. The first is the largest
-    difference between a used window and the fitted mode, minus twice the standard uncertainty of the window. Windows
-    with small amplitudes do not count in it, because the swing is the larger part of the motion there. The second is
-    half of the difference between the last used window and the first unused one.
+    The swing changes both numbers from one time window to the next. The larger one of two differences is the error:
 
-    windows: the time windows; used: the number of windows that are used, from the first on; mode: logarithm of the
-    angular frequency, and loss factor, of the fitted mode.
+    - The difference between a window and the vibration that was fitted to all used windows, minus twice the standard
+      uncertainty of the window. This is the largest one of the used windows. Windows with small amplitudes are left
+      out, because the swing is the larger part of the motion there.
+    - Half of the difference between the last used window and the first unused one.
+
+    windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
+    and loss factor of the fitted vibration.
     """
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)

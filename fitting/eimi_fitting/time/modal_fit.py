@@ -63,13 +63,15 @@ class ModalFit:
     chi2 : float
         Sum of the squared residuals.
     noise : float
-        Standard deviation of the residuals near the frequency of the first mode, or of all residuals if this is larger.
+        Standard deviation of ``residuals`` near the frequency of the first mode, or of all ``residuals`` if that is
+        larger.
     covariance : ndarray
         Covariance matrix of the entries of ``modes`` and ``bend`` that were fitted.
     residuals : ndarray, shape (n, r)
-        Residuals of the reduced signals, divided by the standard uncertainty of the recording.
-    linear : ndarray
-        Coefficients of the columns of `design_matrix` for each reduced signal.
+        Residuals of the reduced signals. Noise as large as the recording states has the standard deviation 1 in them.
+    linear : ndarray, shape (f, r)
+        For each reduced signal, the coefficients of the f functions of time whose sum is fitted to it. The functions
+        are the columns of `design_matrix`.
     """
 
     signals: Signals

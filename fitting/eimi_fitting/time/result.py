@@ -133,8 +133,8 @@ class LawOfTime:
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
         The modulus mu(0), and the limit of mu(t) for long times.
     known_between_s : tuple of float
-        Range of times in which the data determine mu(t) to 5 %, without the sources of uncertainty that a file
-        specifies.
+        Range of times in which the half-width of the 95 % interval of mu(t) is at most 5 %. This interval does not
+        contain the uncertainties of the inputs (such as dimensions) that a file specifies.
     moment : Quantity or None
         Factor on the specified magnetic moment at which static states and motions give the same modulus; None if the
         factor was not fitted.

@@ -31,10 +31,11 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
     """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
-    The displacement is the difference between two computed shapes, divided by the difference of their rotations. If the
-    shape depends on the modulus, the two shapes have different moduli. Otherwise, for example for a hanging beam
-    without a field, the two shapes have different loads. The first shape has the loads after the step. For the second
-    shape, the loads are changed by a tenth of the step toward the loads before the step.
+    Two similar equilibria of the beam are computed. The result is the difference of their shapes, divided by the
+    difference of their rotations. The two equilibria have the loads after the step and different moduli, because the
+    modulus of a beam changes while it creeps. The shape of some beams, such as a hanging beam without a field, does not
+    depend on the modulus. The two equilibria then have different loads: the loads after the step, and these loads,
+    changed by a tenth of the step toward the loads before it.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     modulus_Pa : float
         Initial shear modulus.
     loads, before : Loads
-        The loads after the step, and the loads before the step, in one state each.
+        The loads after the step and the loads before it. Each of the two has one state.
     rest_mm : ndarray, shape (p, 2)
         Positions (x, y) of the points at rest.
     """
@@ -73,25 +74,25 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return a table of true rotations of the tip and of the rotations that `slow_rotations` would measure for them.
+    """Return a table that converts the true rotation of the tip to the rotation that is measured in the pictures.
 
-    `slow_rotations` converts displacements with a constant displacement per rad. In a beam that is bent by its loads,
-    this number changes while the beam creeps: at 50 degrees, by 1 % for a change of the rotation by 0.1 degrees. The
-    measured rotations therefore have an error. Simulated rotations are converted with this table, so that they have the
-    same error, before both are compared.
+    The measurement (`slow_rotations`) has a systematic error: it divides displacements by a constant displacement per
+    rad. In a beam that is bent by its loads, this number changes while the beam creeps: at 50 degrees, by 1 % for a
+    change of the rotation by 0.1 degrees. Simulated rotations are converted with the table before they are compared
+    with measured ones, so that both have the same error.
 
     Parameters
     ----------
     beam : RingingBeam
         The beam with the loads after the step.
     modulus_Pa : float
-        A typical shear modulus. The rotations belong to moduli between 0.4 and 2.5 times this modulus.
+        A typical shear modulus. The table covers the rotations with moduli between 0.4 and 2.5 times this modulus.
     rest_mm : ndarray, shape (p, 2)
         Positions (x, y) of the points at rest.
     signals : Signals
         All frames after the step.
     per_rad_mm : ndarray, shape (p, 2)
-        The argument of `slow_rotations`.
+        Displacements of the p points for a rotation of the tip by one rad, with which the measurement converts.
 
     Returns
     -------
@@ -192,11 +193,12 @@ def slow_rotations(
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the vibration that remains at m later times, (m,), as a root mean square rotation of the tip in rad.
+    """Return the amplitude of the vibration in m later frames, (m,), as a root mean square rotation of the tip in rad.
 
-    Vibrations were fitted to a part of the recording, and are subtracted only there. In the later frames the vibration
-    is small, but it does not cancel in the mean of a few frames. The result gives this uncertainty of the mean. gain:
-    for each channel (coordinate of a point), the displacement per rad of rotation of the tip, divided by the noise.
+    The vibration was fitted to a part of the recording and is subtracted only in this part. In the later frames a small
+    vibration remains, and the mean rotation over a few frames is uncertain by a part of it. gain: for each channel
+    (coordinate of a point), the displacement for a rotation of the tip by one rad, divided by the noise. times_s: times
+    of the m frames.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)

@@ -2,9 +2,9 @@
 
 A weight on a thread exchanges energy with the beam, most of all if it swings at about the frequency of the beam or at
 half of this frequency. There are then two vibrations of almost equal frequency, and neither of them has the frequency
-of the beam with a weight that does not swing. This module computes the latter from the two. Let y be the deflection of
-the tip, c y the sideways displacement of the upper end of the thread, and x that of the weight. Let m be the mass of
-the weight, and M the mass of the moving beam with the weight. Then
+that the beam would have if the weight did not swing. This module computes this frequency from the two vibrations. Let y
+be the deflection of the tip, c y the sideways displacement of the upper end of the thread, and x that of the weight.
+Let m be the mass of the weight, and M the mass of the moving beam with the weight. Then
 
     M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,    w = g / length of the thread,
 
