@@ -36,7 +36,10 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """The interface of one piece of evidence for a viscoelastic (Prony) law, with k residuals."""
+    """Measurements that a viscoelastic (Prony) law must explain, such as one ring-down (a free vibration).
+
+    All kinds of evidence have the two methods of this interface. k is the number of residuals of the evidence.
+    """
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the k residuals of P candidate laws, each divided by its standard uncertainty, (P, k).
@@ -46,11 +49,11 @@ class Evidence(Protocol):
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the k residuals change if an uncertain input (a source of uncertainty) changes.
+        """Return the changes of the k residuals if uncertain inputs change by their standard uncertainties.
 
-        Each source alone changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`.
-        The result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
-        (components, k).
+        An uncertain input is, for example, the width of the beam. Only one input changes at a time. sources: the
+        standard uncertainties of the inputs, by the keys of `SOURCES`. The result has an array (components, k) for each
+        input, by the same keys. An input has several components if it is a vector, such as a background field.
         """
 
 
@@ -148,7 +151,7 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the residuals due to each source of uncertainty, see `Evidence.effects`."""
+        """Return the changes of the residuals if uncertain inputs change, see `Evidence.effects`."""
         return {
             key: np.concatenate(
                 [
@@ -170,7 +173,8 @@ class RestEvidence:
     Attributes
     ----------
     modulus_Pa : float
-        The shear modulus, corrected to the value for the beam model with a solid section.
+        The shear modulus. It is computed with the planar model. For a solid section it is converted to the modulus with
+        which the solid model bends as far as the planar model.
     sigma : float
         Relative standard uncertainty of the modulus.
     """
@@ -180,11 +184,12 @@ class RestEvidence:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the modulus for which the beam sags under its weight as it does in a recording; None without one.
+        """Return the evidence from the sag of the beam in a recorded ring-down (a free vibration), or None.
 
-        The recording is a ring-down (a free vibration). The beam vibrates about its sagging equilibrium, so that the
-        mean position of the points gives the sag. The result is None if the beam hardly bends under its own weight, or
-        if no modulus from 0.3 to 3 times the middle modulus of ``table`` gives the measured sag.
+        The beam vibrates about its sagging equilibrium, so that the mean position of its points gives the sag. The
+        modulus is the one for which the computed beam has this sag. The result is None if no point is visible often
+        enough, if the beam hardly bends under its own weight, or if no modulus from 0.3 to 3 times the middle modulus
+        of ``table`` gives the sag.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -221,7 +226,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: sources of uncertainty hardly change the modulus from the sag; see `Evidence.effects`."""
+        """Return zeros (see `Evidence.effects`): the effects of uncertain inputs, such as a width, are neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 

@@ -60,9 +60,10 @@ class RecordedMotion:
     motion : Motion
         The measured positions of points over time.
     loads : Loads
-        The loads in one state, after the step of the load.
+        The loads after the step of the load; they have one state.
     before : tuple of (float, Loads)
-        Earlier loads: for each load the time in s at which it began, relative to the step, and the loads in one state.
+        The loads before the step, in the order of time. Each pair has the time in s at which a load began, relative to
+        the step, and this load with one state.
     """
 
     motion: Motion
@@ -106,8 +107,8 @@ class StaticStates:
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     of_picture : mapping of str to float
-        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
-        `SOURCES`.
+        Uncertain inputs that change the picture of the beam but not its shape, such as the scale of the picture: the
+        relative change of the modulus if an input changes by its standard uncertainty. By the keys of `SOURCES`.
     """
 
     runs: tuple[StaticRun, ...]
@@ -236,9 +237,10 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a doubt (a warning) if a solid section would give another modulus than the stated planar section.
+    """Return a doubt (a warning) if the specimen file states a planar section and this changes the modulus by 2 %.
 
-    There is no doubt for a difference of at most 2 %, and if the solid has no equilibrium.
+    The modulus with the planar section is compared with the modulus with a solid section. The result is empty if they
+    differ less, or if the solid model has no equilibrium.
     """
     try:
         change = table.solid_over_stated_modulus() - 1
@@ -342,7 +344,7 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> RestEvidence | None:
-    """Return the shear modulus that the sag of the beam gives, as evidence for the viscoelastic law; None without one.
+    """Return the evidence from the sag of the beam at rest (a shear modulus), or None if there is no such evidence.
 
     The sag is measured in the first ring-down (free vibration) that does not begin with a step of the load and has the
     loads of ``table``.

@@ -120,11 +120,11 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the k residuals of the data change if an uncertain input (a source) changes.
+        """Return the changes of the k residuals of the data if uncertain inputs change by their uncertainties.
 
-        Each source alone changes by its standard uncertainty. sources: standard uncertainties by the keys of `SOURCES`.
-        The result has the same keys. Each entry has one row for each component of the source (`Source.parts`), shape
-        (components, k).
+        An uncertain input is, for example, the width of the beam. Only one input changes at a time, by its standard
+        uncertainty. sources: these uncertainties, by the keys of `SOURCES`. The result has an array (components, k) for
+        each input, by the same keys. An input has several components if it is a vector, such as a background field.
         """
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
@@ -185,10 +185,11 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return how the m unknowns at the optimum change if an uncertain input (a source of uncertainty) changes.
+        """Return the changes of the m unknowns at the optimum if uncertain inputs change by their uncertainties.
 
-        Each source alone changes by its standard uncertainty. effects: see `Problem.effects`. The result has the same
-        keys. Each entry has one row for each component of the source (`Source.parts`), shape (components, m).
+        Only one input changes at a time, by its standard uncertainty. effects: the changes of the k residuals of the
+        data, (components, k) for each input, as `Problem.effects` returns them. The result has an array (components, m)
+        for each input, by the same keys.
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
@@ -309,11 +310,12 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f numbers for each of P candidate laws, of which the residuals are almost linear functions, (P, f).
+    """Return f numbers that describe each of P candidate laws, (P, f).
 
-    `drawn` uses them to approximate the residuals without a simulation. The numbers are logarithms of moduli at fixed
-    times and at the angular frequencies ``omegas`` (rad/s), loss factors of the material at these frequencies, and the
-    logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
+    The residuals of the fit are almost linear functions of these numbers. `drawn` therefore computes approximate
+    residuals from them, without a simulation. The numbers are logarithms of moduli at fixed times and at the angular
+    frequencies ``omegas`` (rad/s), loss factors of the material at these frequencies, and the logarithm of the factor
+    on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
@@ -335,17 +337,19 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     If the data do not determine the terms, the posterior is far from normal. It is therefore sampled. A group of
     walkers (sets of values of the unknowns) starts near the optimum. In each step a walker moves along the straight
     line through itself and another walker, and the move is accepted or rejected by the probability density at its end
-    (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). For the density, the residuals are approximated as
-    linear functions of the numbers that `_features` returns.
+    (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The density is computed from approximate residuals,
+    which are linear functions of a few numbers such as logarithms of moduli.
 
-    The errors of uncertain inputs are added at the end: each draw is changed by ``steps``, times normal random numbers.
+    The errors of uncertain inputs are added at the end. For each component of an input, a draw is changed by the row of
+    this component in ``steps``, times a normal random number.
 
     Parameters
     ----------
     optimum : TimeOptimum
         The optimum of the fit.
     steps : mapping of str to ndarray
-        See `TimeOptimum.steps`.
+        For each uncertain input, the change of the m unknowns at the optimum if the input changes by its standard
+        uncertainty, (components, m).
     seed : int
         Seed of the random numbers.
     omegas : ndarray

@@ -1,7 +1,8 @@
 """The evidence of slow motions for a viscoelastic law: residuals of creep and of static states.
 
-Both are computed by the beam model of `time.loaded_creep`, whose histories of loads are integrated side by side. For
-the candidates and residuals see `time.evidence`.
+Both are computed by the method of `time.loaded_creep`, which gives the rotation of the tip over time under loads that
+change. All recordings are computed together, because this hardly takes longer than one of them. The module
+`time.evidence` explains the candidates and their residuals.
 """
 
 from __future__ import annotations
@@ -75,10 +76,10 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return how strongly gravity resists a rotation of the tip, as a stiffness in Pa like a shear modulus.
+    """Return the shear modulus (Pa) whose resistance to a rotation of the tip is as large as that of gravity.
 
-    In the lowest mode, K_m is the stiffness due to the material and K_g the stiffness due to stresses and gravity. K_m
-    is proportional to the shear modulus. The result is the shear modulus times K_g / K_m.
+    It is computed for the lowest mode. K_m is the stiffness due to the material, which is proportional to the shear
+    modulus. K_g is the stiffness due to stresses and gravity. The result is the shear modulus times K_g / K_m.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -100,8 +101,9 @@ class CreepEvidence:
     label : str
         Origin of the recording, for messages.
     shown : tuple of ndarray, or None
-        True rotations and, for each of them, the rotation that would be measured, see `slow_motion.shown_rotations`;
-        None if the measured rotations are the true rotations.
+        A table of true rotations and of the rotations that are measured in their place, both in rad. They differ
+        because the measurement converts displacements to rotations by a constant factor
+        (`slow_motion.shown_rotations`). None if the measured rotations are the true ones.
     """
 
     history: LoadHistory
@@ -112,7 +114,10 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations that would be measured if the tip turned by ``true``; both have any shape, in rad."""
+        """Return the rotations that are measured if the tip rotates by ``true``, in rad; both arrays have any shape.
+
+        They contain the systematic error of the measurement, see ``shown``.
+        """
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -137,7 +142,7 @@ class CreepEvidence:
         return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros: the effects of the sources of uncertainty on creep are not computed; see `Evidence.effects`."""
+        """Return zeros (see `Evidence.effects`): the effects of uncertain inputs, such as a width, are neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
 
 
@@ -161,8 +166,8 @@ class StaticEvidence:
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     stated : dict of str to float
-        Relative changes of the modulus due to sources of uncertainty that affect the picture only, by the keys of
-        `SOURCES`.
+        Uncertain inputs that change the picture of the beam but not its shape, such as the scale of the picture: the
+        relative change of the modulus if an input changes by its standard uncertainty. By the keys of `SOURCES`.
     """
 
     beam: RingingBeam
@@ -222,7 +227,7 @@ class StaticEvidence:
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the change of the residual due to each source of uncertainty, see `Evidence.effects`."""
+        """Return the changes of the residual if uncertain inputs change, see `Evidence.effects`."""
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -288,7 +293,7 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals due to each source, see `Evidence.effects`."""
+        """Return the changes of the residuals if uncertain inputs change, see `Evidence.effects`."""
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:
             parts.append(self._static.effects(sources))
