@@ -62,9 +62,10 @@ def field_line(
 
     The uncertainties of slope and offset come from errors that differ from reading to reading, and from errors that are
     common to all readings. Let u be the standard uncertainty of one reading, converted to the magnet. Each B is given
-    the standard deviation u, or the scatter about the line if the scatter is larger. Two common errors are added as a
-    root sum of squares (JCGM 100:2008, 5.1.2): the zero error of the gaussmeter, with the assumed uncertainty u, to the
-    offset; and the scale error, with the relative uncertainty ``sensor.uncertainty_share``, to the slope.
+    the standard deviation u, or the scatter about the line if the scatter is larger. The gaussmeter has two common
+    errors. Its zero error, with the assumed uncertainty u, increases the uncertainty of the offset. Its scale error,
+    with the relative uncertainty ``sensor.uncertainty_share``, increases the uncertainty of the slope. The variances
+    are added (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Store and read the set-points that a run sent, and the steps of the current that began its ring-downs.
 
-    set_points         one row for each set-point: `time`, `current`, `uncertainty` ring_down_steps    one row for each
-    recorded free oscillation: the step of the current, and how many frames were taken
+    set_points         one row for each set-point: `time`, `current`, `uncertainty`
+    ring_down_steps    one row for each recorded free oscillation (ring-down): the step of the current, and how many
+                       frames were taken
 
 All times are on the clock of the run. The current changes at some moment between the sending of a set-point and the
 answer of the supply. `time` is the middle of this interval, and `uncertainty` is the standard deviation of a uniform

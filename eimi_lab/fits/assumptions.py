@@ -1,7 +1,7 @@
-"""The inputs of a simulation with a fitted law: the bulk modulus, and the nuisances that were fitted with the law.
+"""The inputs of a simulation with a fitted law: the bulk modulus, and the uncertain inputs that the fit determined.
 
-The fitted values of nuisances apply to the datasets to which the law was fitted. For any other dataset, the inputs have
-the values that the files of the dataset give. A nuisance is an uncertain input, such as the magnetic moment.
+An uncertain input (nuisance), such as the magnetic moment, may be fitted together with the law. Its fitted value
+applies to the datasets of the fit only. For any other dataset, the inputs have the values in the files of the dataset.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Assumptions:
     def as_measured(self, places_mm: Array) -> Array:
         """Return where the camera sees simulated points (mm), if the lens has the properties that the fit identified.
 
-        The last axis of the argument and of the result, shape (..., 2), contains x and y in the beam frame. The fit of
-        the first candidate is used.
+        The last axis of the argument and of the result, shape (..., 2), contains x and y in the beam frame. The
+        properties of the lens are those of the first candidate (set of parameters).
         """
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 

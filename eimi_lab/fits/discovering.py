@@ -22,8 +22,8 @@ _SHOWN = 12  # alternatives that are printed
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
     """Discover which terms of the strain energy the law of a material needs, from datasets and tensile curves.
 
-    `evidence` holds the datasets, each with its beam model, loads and edges. `curves` holds the tensile curves. The
-    function `eimi_fitting.discovery.terms_of_a_law.discover` describes the options.
+    `evidence` holds the datasets, each with its beam model, loads and edges. `curves` holds the tensile curves.
+    `options` are the options of `eimi_fitting.discovery.terms_of_a_law.discover`.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def content(
 ) -> dict[str, Any]:
     """Return the result of a discovery (the search for the terms of a law) in the form of discovery.json.
 
-    `numbers` are the numeric options of `discovered`, which are added to the result.
+    `numbers` are further entries of the file, by name, such as the seed of the search.
     """
     return {
         "statement": discovery.statement,

@@ -82,8 +82,8 @@ class FitOptions:
     tensile_weight: Annotated[
         float | None,
         typer.Option(
-            help="factor by which the weight of the tensile curves is multiplied; without it, their noise determines "
-            "the weight",
+            help="factor by which the weight of the tensile curves is multiplied; 1 for the weight that follows from "
+            "their noise",
             show_default="1",
         ),
     ] = None

@@ -162,7 +162,9 @@ def _effects_percent(
 ) -> dict[str, float]:
     """Return the change of the dynamic modulus (%) if an uncertain input is larger by its standard uncertainty.
 
-    The result maps the name of each input to the change, which has a sign.
+    The result maps the name of each input to the change, which has a sign. `frequency_Hz` is the frequency of the beam
+    for the shear modulus `modulus` (Pa). `gain` is the relative change of the modulus, divided by the relative change
+    of the frequency.
     """
     effects: dict[str, float] = {}
     for one in stated:

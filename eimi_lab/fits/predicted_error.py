@@ -42,9 +42,9 @@ def error_interval_mm(
     """Return the 95 % interval of the mean error of a fit on a dataset.
 
     The fit contains draws: random samples of the parameters and the uncertain inputs. To save time, each draw is
-    simulated only on a coarse mesh. Its residuals are the accurate residuals of the fit, plus the difference between
-    the draw and the fit on the coarse mesh. The correction by more accurate models is thus assumed to be the same for
-    all draws.
+    simulated only on a coarse mesh. This gives the difference between the residuals of the draw and those of the fit,
+    both on the coarse mesh. The difference is added to `residuals_mm`, the residuals of the fit from a more accurate
+    simulation. The error of the coarse mesh is thus assumed to be the same for all draws.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ class CurveRecord(Record):
     window_percent : float or None
         Largest strain in per cent; null for the whole curve.
     weight : float
-        Factor that multiplies the weight of the curve; without it, the weight follows from the noise of the curve.
+        In the joint fit, the curve has this many times the weight that follows from its noise.
     rows : int
         Number of rows in the window.
     correlation_rows : float

@@ -83,7 +83,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
     percent : float or None
         Largest strain in per cent; None for the whole curve.
     weight : float
-        Weight of the curve in the joint fit.
+        In the joint fit, the curve has this many times the weight that follows from its noise.
 
     Raises
     ------

@@ -35,10 +35,11 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index in `Findings.routes` of the law fitted to the material's tensile curve with the smallest errors.
+    """Return which of the laws fitted to the tensile curve of a material has the smallest errors.
 
-    Of each law, the mean errors on the types of specimen that `untwisted` returns are added. `key` is the material, and
-    `section` the model of the cross-section.
+    The result is the index of the law in the list that `Findings.routes` returns. The mean errors of a law are added
+    over the types of specimen to which no law was fitted. Type 4 is left out because it twists, unless it is the only
+    such type. `key` is the material, and `section` the model of the cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)

@@ -191,6 +191,6 @@ def _off_percent(fit: Fit) -> float:
 
 
 def _interval_percent(fit: Fit) -> tuple[float, float]:
-    """Return the ends of the 95 % interval as deviations from the true modulus, in per cent."""
+    """Return the ends of the 95 % interval of the modulus as deviations from the true modulus, in per cent."""
     low, high = fit.initial_shear_modulus.interval_95
     return 100 * (low / PLAIN.modulus_Pa - 1), 100 * (high / PLAIN.modulus_Pa - 1)

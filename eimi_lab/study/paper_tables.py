@@ -162,10 +162,10 @@ class Advantage:
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Return how many times larger the errors of laws fitted to tension are, as a range (lowest, highest).
+        """Return how many times larger the errors are after a fit to tension than after a fit to bending.
 
-        The smallest error of the laws fitted to tension is divided by the largest and by the smallest error of the laws
-        fitted to bending.
+        The two values are the lowest and the highest ratio: the smallest error of the laws fitted to tension, divided
+        by the largest and by the smallest error of the laws fitted to bending.
         """
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 

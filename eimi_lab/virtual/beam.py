@@ -111,9 +111,10 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the field (mT) differs from that of the last computed outlines, which must be computed anew.
+        """Return whether the outlines of the beam have to be computed for this field (mT), because the field changed.
 
-        A change by less than `SAME_FIELD_MT` is ignored: it moves the tip by less than a thousandth of a pixel.
+        A change by at most `SAME_FIELD_MT` since the last computation is ignored: it moves the tip by less than a
+        thousandth of a pixel.
         """
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 

@@ -56,11 +56,11 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the fraction of each pixel's area that a polygon covers, in a part of the frame, shape (height, width).
+    """Return the fraction of each pixel's area that a polygon covers, in a rectangle of pixels, shape (height, width).
 
-    `vertices` are the n vertices x, y of the polygon relative to the rectangle's upper left corner, px, shape (n, 2).
-    Here the borders of the pixels are at integer coordinates, not the centres. `size` is the width and the height of
-    the rectangle, px.
+    `vertices` are the n vertices x, y of the polygon relative to the upper left corner of the rectangle, px, shape
+    (n, 2). Here the borders of the pixels are at integer coordinates, not the centres. `size` is the width and the
+    height of the rectangle, px.
     """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices

@@ -1,4 +1,7 @@
-"""Let other programs use the simulated instruments of a rig on one coil, by the protocols of real instruments."""
+"""Let other programs use the simulated instruments of a rig, by the protocols of real instruments.
+
+All instruments belong to one simulated coil.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,7 @@ def port_of(address: str) -> int | None:
 
 
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that takes an 8-bit picture of the virtual beam at the present current.
+    """Return a function without arguments that returns an 8-bit picture of the virtual beam at the present current.
 
     The picture has the shape (height, width). The current is that of the coil that another process emulates at the
     address `coil_line`. If the rig file limits the camera to a region of its sensor, the picture begins at the upper

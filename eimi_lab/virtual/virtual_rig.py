@@ -56,7 +56,7 @@ class VirtualCamera:
     With a frame rate, the camera takes frames at this rate, and stores them in a buffer until the program requests
     them. The frames show the motion of the beam: how it swings after a change of the field. Without a frame rate, the
     camera takes a frame when the program requests one, at most ten times per second of the clock. The frames then show
-    the beam in equilibrium. The motion of a beam with a Prony series, which swings and creeps, is shown in both cases.
+    the beam in equilibrium. A beam with a Prony series is an exception: every frame shows how it swings and creeps.
 
     Parameters
     ----------

@@ -19,8 +19,9 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 def _motion_px(ratio: float) -> float:
     """Return how far (px) the beam moved between two frames, from the settling ratio of the frames.
 
-    The ratio is 1 for a beam at rest (see `settling_statistic`). The excess over 1 grows with the square of the motion:
-    measured ratios are 1.06 for a motion of 1/20 px and 2.3 for a motion of 1/5 px.
+    The settling ratio is the mean squared difference of the frames near the edges of the beam, divided by the
+    difference that noise alone causes. It is therefore 1 for a beam at rest. The excess over 1 grows with the square of
+    the motion: measured ratios are 1.06 for a motion of 1/20 px and 2.3 for a motion of 1/5 px.
     """
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 

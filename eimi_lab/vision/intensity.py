@@ -81,20 +81,20 @@ def is_coloured(image: NDArray[Any]) -> bool:
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """Return an image with three colour channels, or as a grey image if no colours are lost.
+    """Convert an image to three colour channels or to grey values.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, 3)
         The image; H rows, W columns.
     coloured : bool
-        True to return three channels: a grey image is copied into each of them. False to return a grey image; an image
-        whose channels differ is then returned unchanged.
+        True for three channels: a grey image is copied into each of them. False for grey values: the first channel of
+        an image whose channels agree. If the channels differ, the image is returned unchanged, and keeps its colours.
 
     Returns
     -------
     ndarray, shape (H, W) or (H, W, 3)
-        The grey image, or the image with three channels.
+        The converted image.
     """
     if coloured:
         return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)

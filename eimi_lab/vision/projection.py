@@ -230,7 +230,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
     The separation is the difference between the grey values of beam and surroundings, in standard deviations. It is
     measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of these values is
-    taken, so that a few clear sides or pictures do not hide unclear ones.
+    taken, and not their mean, because the beam must differ from its surroundings on nearly all sides.
     """
     separations = []
     for sample in samples:

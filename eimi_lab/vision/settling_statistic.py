@@ -204,8 +204,8 @@ def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
     """Return rectangles of pixels that together contain each column of a strip in which `possible` is true.
 
     Few large rectangles take less time than many small ones, because each computation of the steepness costs time.
-    Columns at most `STRIP_ROWS` apart are therefore in one rectangle. A rectangle continues in the next strip if it
-    then contains at most `SPARE_COLUMNS` further columns of a strip.
+    Columns at most `STRIP_ROWS` apart are therefore in one rectangle. Two rectangles in neighbouring strips are
+    replaced by the smallest rectangle that contains both, if this adds at most `SPARE_COLUMNS` columns of a strip.
 
     Parameters
     ----------

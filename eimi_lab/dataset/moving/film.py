@@ -104,7 +104,7 @@ def follow_film(
     projection : Projection, optional
         Projection from colours to grey values; by default, the projection is chosen in the first frame.
     tracker : BeamTracker, optional
-        The object that follows the beam from frame to frame, with the position of the beam in another frame.
+        An object that follows the beam from frame to frame, and that already knows where the beam is in some frame.
 
     Raises
     ------

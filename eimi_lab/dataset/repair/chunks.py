@@ -14,7 +14,7 @@ FLETCHER32 = 3  # number of this filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:
-    """Correct one flipped bit in each chunk (stored piece) of an array whose checksum is wrong.
+    """Correct one flipped bit in each chunk that has a wrong checksum. A chunk is a stored piece of an array.
 
     Parameters
     ----------

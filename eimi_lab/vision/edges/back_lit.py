@@ -82,8 +82,8 @@ class BackLitSearch:
     limits : mapping of str to float, optional
         Limits that replace limits in the table of flags, with the same keys.
     even_turn_deg : float
-        The search sets this angle. The beam in the picture is as wide as a beam that is turned about its axis by this
-        angle.
+        The angle by which the beam would have to be turned about its axis to look as wide as in the picture; 0 before
+        the search. The advice of the flags (failed quality checks) names this angle.
     projection : Projection, optional
         Weighted sum by which the colours of the image become grey values.
     polarity : {"dark", "bright"}, optional
@@ -229,9 +229,11 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Add width and length deviations, twist and clamp offset of the beam to the findings (the measured values).
+        """Measure how the beam differs from specimen and calibration, and add these values to the findings.
 
-        Return False if the body is too wide to be the beam.
+        The values are the deviations of width and length, the twist, and the distance between the clamp in the picture
+        and the clamp of the calibration. Return False if the body is too wide to be the beam; only the deviation of the
+        width is then added.
         """
         left, right = (side.points_px[side.sound] for side in second.sides)
         # Widths as those of a beam that has its mean width everywhere.

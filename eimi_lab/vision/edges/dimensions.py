@@ -79,9 +79,9 @@ def _curvature(edge: Array, along: Array) -> Array:
 def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
     """Return how much n measured local widths of the beam differ from the specimen's width, as a fraction.
 
-    The result is the 90th percentile of |local width - specimen's width| / specimen's width. A bent beam looks wider
-    because its cross-section bows. An excess of up to `bow`, shape (n,), the largest possible effect of this
-    (`anticlastic_bow`), therefore does not count.
+    The result is the 90th percentile of |local width - specimen's width| / specimen's width. A bent beam can look wider
+    than it is, because its cross-section bows. `bow`, shape (n,), is the largest width that this can add. An excess of
+    the local width is therefore ignored up to this amount.
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))

@@ -59,8 +59,9 @@ def suggest_correction(
     full length is located, and no flag (failed quality check) is more severe than a note. The first change that
     succeeds is suggested. The suggestion may be wrong, and no file is changed.
 
-    No value is suggested if the given values already lead along a clear body of nearly the full length and of the given
-    width. Another clamp or axis would then lead to the same body, or to a wrong body.
+    No value is suggested if the search with the given values already follows a body of nearly the full length and of
+    the given width, whose edges stand out from the surroundings. Another clamp or axis would then lead to the same
+    body, or to a wrong body.
 
     Parameters
     ----------

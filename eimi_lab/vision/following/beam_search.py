@@ -78,7 +78,8 @@ class Strip:
         beam may differ: by up to three standard deviations they count as equal.
     rival : float
         Score (sum of the gains) of the best strip along another body, divided by the score of this strip. The ratio is
-        1 or more if an earlier picture decided between the two bodies.
+        above 1 if, for example, the other strip has the higher score, but the beam in an earlier picture was nearer to
+        this strip.
     """
 
     place: Array
@@ -112,8 +113,8 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
     A strip is a narrow band of the picture between two possible edges. Its score measures how clearly the picture shows
     both edges. The strip begins at the clamp and ends where its score is highest. If a person clicked points of the
-    beam, the strip does not end before the last of these points: the person has seen the beam there, although the
-    picture may hide it nearer to the clamp.
+    beam, the strip does not end before the last of these points, even if a part of the beam before this point is
+    hidden.
 
     Parameters
     ----------

@@ -64,8 +64,8 @@ def find_colour_seams(
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
-        For each pass, the expected standard deviation between an edge and the same edge in the previous pass, in
-        nominal widths.
+        For each pass, by how much an edge is expected to differ from its position in the previous pass: a standard
+        deviation, in nominal widths.
     shadowless : bool
         Whether to use only projections in which the surroundings look the same in shadow and in light. In the first
         pass, the colours of the middle of the beam then count as inside.

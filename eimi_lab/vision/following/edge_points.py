@@ -148,11 +148,11 @@ class _Edge:
 
         Return the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape (n,).
 
-        The n lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The colours
-        on a line become one number with the weights of the nearest station (place along the beam at which the unrolled
-        picture was sampled); `station` (n,) is the index of this station. The fit starts from the blur `blur`, px. If
-        `level` is true, the slope of the light beside the edge is removed first. The curve must then be close to the
-        edge.
+        The n lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The grey
+        value at a point of a line is a weighted sum of its colours. The weights vary along the beam, and are known at
+        stations (places along the beam). `station` (n,) is the index of the station that is nearest to each line. The
+        fit starts from the blur `blur`, px. If `level` is true, the slope of the light beside the edge is removed
+        first. The curve must then be close to the edge.
         """
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)

@@ -61,7 +61,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which of the n edge points lie before the place, near the last point, where the beam's width changes.
+    """Return which of the n points of an edge to keep: all, or those before the width changes near the last point.
 
     The widths near the last point are compared with an extrapolation of the widths before. From the first point at
     which they differ clearly, all points are marked False. If the width does not change, all n points are True.

@@ -188,7 +188,8 @@ def updated_templates(
     A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
     colours count as equal. The variance of a strip moves by 12 % toward the variance of the present colours, but only
     downward. It falls because the search begins at the clamp, where a clip, a tape or glue may have more colours than
-    the beam. It never rises, so that a body that crosses the beam does not hide the edges behind this body.
+    the beam. It never rises: a body that crosses the beam could otherwise raise it, and the edges farther from the
+    clamp would no longer stand out.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Look for an edge inside the border that makes the body wider than the stated width.
+"""Find the edge of a beam that looks wider than stated, because the border of its shadow was taken as the edge.
 
 Beside a beam that lies on its own shadow, the border of the shadow may be the clearest line, and the shadow may have
 the hue of the beam. The beam can then be distinguished from its shadow only by its width, and not by colours
-(`shadows`).
+(`shadows`). The true edge lies inside the border of the shadow.
 """
 
 from __future__ import annotations

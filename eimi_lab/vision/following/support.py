@@ -186,19 +186,19 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return which of n stations (places along the beam) belong to one edge of the beam, as the longest chain of runs.
+    """Return at which of n stations (places along the beam) one edge of the beam was found, and not another line.
 
-    A run is a sequence of neighbouring stations at which the edge is sure (reliable). Between two runs is a gap. A
-    chain consists of runs that belong to the same edge, and the longest chain is returned. So the head of a hammer, the
-    border of a shadow, a body beyond the tip, or a reflection near the clamp does not become a part of the edge.
+    A run is a sequence of neighbouring stations at which the edge is sure (reliable). Between two runs is a gap. Runs
+    that belong to the same line form a chain. The stations of the longest chain are returned. So the head of a hammer,
+    the border of a shadow, a body beyond the tip, or a reflection near the clamp does not become a part of the edge.
 
     A run is joined to a chain before it if it lies near the straight continuation of the chain, and if the beam has
     about the same width on both sides of the gap. Both tolerances grow with the length of the gap.
 
-    An edge that bends strongly does not continue straight. A run is therefore also joined if the other edge is sure
-    beside the whole gap, and the width is about the same. The gap must then be shorter than a quarter of a width, or
-    the chain before the gap at least 0.6 widths long. The segments of a soft arm, the folds of a bellows, and stains at
-    one edge cause such gaps.
+    An edge that bends strongly does not continue straight. A run is therefore also joined under three other conditions:
+    the other edge is sure beside the whole gap; the width is about the same; and the gap is shorter than a quarter of a
+    width, or the chain before it is at least 0.6 widths long. The segments of a soft arm, the folds of a bellows, and
+    stains at one edge cause such gaps.
 
     Parameters
     ----------

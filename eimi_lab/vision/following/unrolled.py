@@ -45,7 +45,7 @@ class ColourBins:
 
     @property
     def total(self) -> int:
-        """Number of bins over all colour channels."""
+        """Number of bins of the histogram: the product of the numbers for the single colour channels."""
         return math.prod(self.shape)
 
 

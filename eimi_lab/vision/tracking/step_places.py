@@ -65,7 +65,7 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Return, for each profile across the beam, the place of the beam as the shift of a band with the largest contrast.
+    """Find the beam on each of n profiles: where a band as wide as the beam differs most from its surroundings.
 
     A profile contains the grey values along a line across the beam. The band is an interval of the profile that is as
     wide as the beam. It is shifted along the profile to the place where its mean grey value differs most from the mean
