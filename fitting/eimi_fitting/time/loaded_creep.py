@@ -1,12 +1,13 @@
 """Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
 
 The rotation theta of the tip represents the curvature of the whole beam. At each time, two moments are in equilibrium.
-Both are given in Pa rad: a constant factor, which depends on the dimensions of the beam, is left out.
+Both are divided by a constant in m³ that depends on the dimensions of the beam, so that their unit is Pa rad and not
+N m.
 
 - The moment of the material is the integral of mu(t - t') d theta(t'), with the relaxing shear modulus mu(t).
 - The moment of the loads is a function m(theta). It is computed from static solutions with several moduli: with a
-  modulus mu the tip rotates by theta(mu), and in equilibrium m = mu theta(mu). Without a field, m = -k theta with the
-  stiffness k of gravity in Pa (`LoadCurve.of_gravity`).
+  modulus mu the tip rotates by theta(mu), and in equilibrium m = mu theta(mu). Without a field, gravity acts like a
+  spring: m = -k theta with a constant k in Pa.
 
 The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. The error of
 this assumption is measured in `tests/fitting/time` by comparison with finite elements with internal variables.
@@ -42,8 +43,8 @@ class LoadCurve:
     rotation : ndarray, shape (m,)
         Rotations theta in rad, increasing.
     moment : ndarray, shape (m,)
-        The moment of the loads at each rotation, in Pa rad. It equals mu theta, where mu is the modulus with which the
-        tip rotates by theta in equilibrium; see the module `time.loaded_creep`.
+        The moment of the loads at each rotation in Pa rad: the moment in N m, divided by a constant of the beam in m³.
+        It is mu theta, where mu is the shear modulus with which the tip of an elastic beam rotates by theta.
     """
 
     rotation: Array
@@ -51,7 +52,11 @@ class LoadCurve:
 
     @staticmethod
     def through(rotation: Array, moment: Array) -> LoadCurve:
-        """Return the curve through the moments (Pa rad) at a few rotations (rad), by a cubic spline."""
+        """Return the curve through a few pairs of a rotation and a moment, by a cubic spline.
+
+        rotation: rotations of the tip in rad. moment: moment of the loads at each rotation in Pa rad (see ``moment`` of
+        `LoadCurve` for this unit).
+        """
         order = np.argsort(rotation)
         if len(order) < 4:
             return LoadCurve(rotation[order], moment[order])
@@ -60,15 +65,15 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the curve of a beam without a field: moment = -stiffness * rotation.
+        """Return the curve of a beam without a field, on which gravity acts like a spring.
 
-        stiffness_Pa: stiffness of gravity against a rotation of the tip, in Pa.
+        The moment (Pa rad) is -``stiffness_Pa`` times the rotation of the tip (rad).
         """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moments (Pa rad) and the derivatives of the moments (Pa) at P rotations in rad, (P,) each.
+        """Return the moment in Pa rad and its derivative by the rotation in Pa, at P rotations in rad, (P,) each.
 
         Beyond its ends the curve continues as a straight line.
         """
@@ -238,15 +243,15 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
         inside = times_s[(times_s > step.time_s) & ((times_s <= end) if last else (times_s < end))]
         end = max(end, step.time_s + _FIRST_STEP_S)
         is_straight &= bool(step.curve.at(np.zeros(1))[0] == 0)
-        moments = [*inside.tolist(), end] if is_straight else _moments(step.time_s, end, inside, last)
-        moments = sorted(set(np.round(moments, 9).tolist()))
-        ends += moments
-        curves += [step.curve] * len(moments)
+        times = [*inside.tolist(), end] if is_straight else _ends_of_steps(step.time_s, end, inside, last)
+        times = sorted(set(np.round(times, 9).tolist()))
+        ends += times
+        curves += [step.curve] * len(times)
     spans = np.maximum(np.diff(np.append(steps[0].time_s, ends)), 1e-9)
     return _Plan(spans, curves, np.searchsorted(np.array(ends) + 1e-8, times_s).clip(max=len(ends) - 1))
 
 
-def _moments(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
+def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
     """Return the times in s at which the integration steps between two changes of the load end.
 
     ``first`` and ``last`` are the times of the two changes. The steps are short just after ``first``, where the beam

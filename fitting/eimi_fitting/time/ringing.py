@@ -5,9 +5,10 @@ moduli matter:
 
 - The equilibrium modulus is the shear modulus with which the static equilibrium is computed. The modes
   (`beam.vibration`) are computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus.
-- In a vibration with the complex rate s, the modulus is the equilibrium modulus times a complex ratio r(s). The
-  eigenvalue lambda(r) of every mode is computed for a few real ratios r. A polynomial in 1/r through the values of
-  lambda/r gives lambda for any complex r.
+- A vibration is proportional to exp(s t) with the complex rate s. Its modulus is the equilibrium modulus times a
+  complex ratio r(s), and s follows from s² = -lambda(r(s)). Here lambda(r) is an eigenvalue of stiffness and mass. It
+  is computed for a few real ratios r. The values of lambda/r are interpolated by a polynomial in 1/r, which then gives
+  lambda for any complex r.
 
 The modes are computed with a planar model. The frequencies are then multiplied by a factor for each mode: the frequency
 of the solid model divided by the frequency of the planar model, computed once, at the middle of the equilibrium moduli.
@@ -68,7 +69,7 @@ class RingingBeam:
     specimen : Specimen
         The beam, with its magnet if it has one.
     loads : Loads
-        The loads in one state.
+        The loads; they have one state.
     law : Law
         The hyperelastic law.
     shape : ndarray, shape (n,)
@@ -246,17 +247,19 @@ class RingTable:
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The modulus with which the planar model bends as the solid model does, divided by the solid's modulus.
+        """The factor on the modulus with which the planar model bends as far as the solid model under the same loads.
 
-        The modulus of the solid model is ``middle_Pa``. The static rotations of the tip are compared.
+        The tip of the planar model with the modulus ``middle_Pa`` times this factor rotates as far as the tip of the
+        solid model with ``middle_Pa``. The factor is 1 for a specimen with a planar section.
         """
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the modulus that a solid section would give, divided by the modulus that the stated section gives.
+        """Return the factor by which the identified modulus would change with a solid section.
 
-        Both moduli give the same lowest frequency. The stated section is the one in the file, such as plane strain. The
-        result is 1 if the stated section is solid. `NoEquilibrium` is raised if the solid model has no equilibrium.
+        The section that the specimen file states may be planar, such as plane strain. With it and with a solid section,
+        different moduli are identified from the same lowest frequency. The factor is 1 if the file states a solid.
+        `NoEquilibrium` is raised if the solid model has no equilibrium.
         """
         if self.beam.specimen.section == "solid":
             return 1.0
@@ -307,18 +310,20 @@ class RingTable:
         return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how ln(frequency) of three modes changes if an uncertain input (a source of uncertainty) changes.
+        """Return the changes of ln(frequency) of three modes if uncertain inputs change by their uncertainties.
 
         Parameters
         ----------
         sources : mapping of str to float
-            Standard uncertainties by the keys of `SOURCES`. Each source alone changes by its standard uncertainty.
+            Standard uncertainties of the inputs, such as the width of the beam, by the keys of `SOURCES`. Only one
+            input changes at a time, by its standard uncertainty.
 
         Returns
         -------
         dict of ndarray, shape (components, 3)
-            For each source, one row for each component of the source (`Source.parts`) and one column for each of the
-            three modes. Zero for a source that does not change the specimen or its loads.
+            For each input, one row for each of its components and one column for each of the three modes. An input has
+            several components if it is a vector, such as a background field. Zero for an input that changes neither the
+            specimen nor its loads.
         """
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
@@ -365,9 +370,9 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Return the modulus ratios r that belong to the variable x of the polynomials, -1 < x <= 1.
+    """Convert the variable x of the interpolating polynomials, -1 < x <= 1, to the ratio r of two moduli.
 
-    1/r is a linear function of x, because lambda/r is almost a polynomial in 1/r (see the module).
+    1/r is a linear function of x, because the interpolated quantity is almost a polynomial in 1/r (see the module).
     """
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
