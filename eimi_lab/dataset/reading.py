@@ -158,7 +158,7 @@ class Dataset:
         except OSError as error:
             raise InputError(
                 f"{path}: the tables of the states in the file are damaged ({error}); `eimi recover` may repair them "
-                "in a new file, or use another copy of this file"
+                "in a new file; otherwise, use another copy of this file"
             ) from error
 
     def text(self, name: str) -> str | None:

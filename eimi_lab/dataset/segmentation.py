@@ -172,8 +172,8 @@ def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, .
 
     A flag is the record of a failed quality check. The check of the clamp position extrapolates the edges to the line
     of the clamp. If the beam is strongly curved at the clamp, the extrapolation is wrong by tenths of a millimetre. The
-    straightest state therefore decides for all strongly bent states with this flag: if it has the flag too, its flag
-    replaces theirs; otherwise they lose the flag.
+    flag of a strongly bent state is therefore not reliable. It is replaced by the flag of the state in which the beam
+    is straightest, or removed if that state has no such flag.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():

@@ -397,7 +397,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on used states, mean error and deviation of the edges, and on the determined quantities."""
+        """Return sentences on the fit: the used states, the mean error, and the quantities that the data determine.
+
+        The mean deviation is also given: the mean over the states of the standard deviation of the residuals
+        (distances of measured from simulated points).
+        """
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),
@@ -423,9 +427,9 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt (reason to distrust the fit) in which a state has its number in the dataset.
+    """Return a doubt (reason to distrust the fit) in which the number of the state is its number in the dataset.
 
-    In the argument, the states are counted among the used states only.
+    In the argument, this number counts only the states that the fit used.
     """
     if doubt.dataset is None or doubt.state is None:
         return doubt

@@ -132,8 +132,9 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 
 
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
-    """Simulate a fit for which `simulate_each` yielded None.
+    """Simulate one fit on a dataset, with the most accurate beam model solved in all states.
 
+    This takes longer than `simulate_each`, which interpolates between a few states, but is not accurate for every fit.
     Raises InputError if the law was fitted to this dataset with another section assumption (model of the
     cross-section).
     """

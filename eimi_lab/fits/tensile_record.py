@@ -75,7 +75,10 @@ class TensileRecord(LawRecord):
         return [misfit, *self.not_fixed_in_words()]
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters whose interval contains zero or is the range of the search."""
+        """Return the names of the parameters that the tensile test does not determine.
+
+        The interval of such a parameter contains zero or is the range of the search.
+        """
         return self.not_fixed
 
     def not_fixed_in_words(self) -> list[str]:

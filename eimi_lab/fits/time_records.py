@@ -61,7 +61,7 @@ class RingDownRecord(LawRecord):
         return f"{self.model}: {time_lines(self.time)[0]}"
 
     def caveats(self) -> list[str]:
-        """Return the lines on the viscoelastic law and on reasons to distrust it, which must accompany the numbers."""
+        """Return lines on the viscoelastic law and on reasons to distrust it, to print together with its parameters."""
         return [*time_lines(self.time), *(f"doubt: {words}" for words in self.doubts_in_words())]
 
     def notes(self) -> list[str]:

@@ -48,9 +48,9 @@ class Extent:
         return tuple(kind for kind in self.types if kind != TRAINED_ON)
 
     def chosen(self, count: int) -> NDArray[np.intp]:
-        """Return the indices of the chosen states of a protocol with `count` states.
+        """Return the indices of the states that the study evaluates, of a protocol with `count` states.
 
-        The first and the last state are chosen.
+        The states are evenly spaced, from the first to the last state.
         """
         return np.unique(np.linspace(0, count - 1, min(self.states or count, count)).round().astype(int))
 

@@ -27,7 +27,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StudyInputs:
-    """The inputs of a study: the extent, the seed of the searches, and the published tensile curves by material."""
+    """The inputs of a study: its extent, the seed of the searches, and the published tensile curves by material.
+
+    The extent says which materials, specimens, laws and states are evaluated.
+    """
 
     extent: Extent
     seed: int = 1

@@ -57,7 +57,7 @@ class BenchSetup:
     def calibration(
         self, pixels_per_mm: float, turned_deg: float, uncertainty: dict[str, float], on: date
     ) -> Calibration:
-        """Return a calibration with the values of this setup and a measured scale, with corrected directions.
+        """Return a calibration with a measured scale and with the other values of this setup.
 
         Parameters
         ----------
@@ -172,9 +172,9 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
     """Calibrate the lens with all images of the board; return the lens and the distance (mm) from the lens to the beam.
 
-    `views` holds, for each image, the points of the board on the board and in the image. `mid_plane` holds these points
-    for the image in which the board lies in the plane in which the beam bends; the distance is computed from this
-    image. `size` is the width and the height of the images, px.
+    `views` holds, for each image, the positions of the points of the board: on the board in mm, and in the image in px.
+    `mid_plane` holds the same for the image in which the board lies in the plane in which the beam bends; the distance
+    is computed from this image. `size` is the width and the height of the images, px.
     """
     try:
         lens = calibrate_lens(list(views.values()), size)

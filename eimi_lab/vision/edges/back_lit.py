@@ -268,14 +268,15 @@ class BackLitSearch:
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
         """Return the sound points (with a detected step) of one edge in mm, with their standard deviations.
 
-        The points have the desired spacing. scatter: factor by which `Side.sigma_px` is multiplied (`scatter_scale`).
+        The points have the desired spacing. `scatter` is the factor by which the standard deviations that follow from
+        the fit are multiplied, so that they agree with the scatter of the points.
         """
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return the texts that the advice of the flags (failed quality checks) on turned or twisted beams contains.
+        """Return texts for the advice of two flags (failed quality checks): on the width and on the twist of the beam.
 
         The texts say by how much the fitted modulus is wrong if the beam is turned about its axis.
         """

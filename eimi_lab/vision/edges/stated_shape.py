@@ -134,7 +134,8 @@ class StatedShape:
     def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
         """Return the distance of each of the n points of an edge from the clamp, along the edge, mm, shape (n,).
 
-        The parameters are the same as in `near_step`.
+        edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp, in
+        the same unit, shape (2, 2). side: 0 for the left edge, 1 for the right edge.
         """
         path = np.vstack([clamp[side : side + 1], edge])
         scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm

@@ -81,7 +81,7 @@ def suggest_correction(
         check that its edges did not pass.
     """
     followed = follow_beam(image, calibration, specimen, projection=projection)
-    if _is_clear(followed):
+    if _is_probably_the_beam(followed):
         return SuggestedCorrection(_reason_of(followed))
     for changes, words in _corrections(calibration, specimen.specimen.width_mm):
         size = {key: changes[key] for key in changes if key == "width_mm"}
@@ -113,7 +113,7 @@ def suggest_correction(
     )
 
 
-def _is_clear(followed: FollowedBeam) -> bool:
+def _is_probably_the_beam(followed: FollowedBeam) -> bool:
     """Return whether the body that the search followed is probably the beam, although its edges are unusable.
 
     Its edges must stand out from the surroundings, its length and width must be about those in the specimen file, and

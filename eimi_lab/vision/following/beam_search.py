@@ -98,7 +98,7 @@ class Strip:
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """Bounds of the curvature of a strip (a band of the picture that may show the beam).
+    """How strongly a strip (a band of the picture that may show the beam) is expected to bend.
 
     `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest permitted curvature,
     1/px.

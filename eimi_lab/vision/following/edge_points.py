@@ -170,8 +170,9 @@ class _Edge:
         """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
 
         The returned colour is 1 minus the projected colour (a weighted sum of the colours), so that it rises outward
-        from about 0 inside the beam to 1 outside. `u` contains m distances along a normal, px. The other parameters are
-        the same as in `fitted`.
+        from about 0 inside the beam to 1 outside. The normals cross `curve` at the arc lengths `place` (n,), px.
+        `u` contains m distances along a normal, px. `station` (n,) is the index of the station (place along the beam)
+        whose weights are used for each normal.
         """
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)

@@ -83,7 +83,10 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """Return an enlarged colour picture of h by w pixels from 0 to 255, shape (h, w, 1: grey) or (h, w, 3: colours)."""
+    """Enlarge a picture, grey or in colour, and return it with three colour channels.
+
+    `pixels` contains h by w pixels from 0 to 255, shape (h, w, 1) or (h, w, 3).
+    """
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

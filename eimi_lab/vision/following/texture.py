@@ -71,7 +71,7 @@ def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
 
 @dataclass(frozen=True)
 class _SmoothLine:
-    """The polynomial in the arc length through the n points of an edge.
+    """A smooth line that is fitted to the n points of an edge: x and y are polynomials in the arc length.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class _SmoothLine:
 
     @classmethod
     def through(cls, points: Array) -> _SmoothLine:
-        """Return the line through n points, shape (n, 2)."""
+        """Fit the smooth line to n points, shape (n, 2)."""
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         x, y = (Chebyshev.fit(along, places, _DEGREE) for places in points.T)
         tangent = np.column_stack([x.deriv()(along), y.deriv()(along)])
