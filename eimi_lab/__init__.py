@@ -1,10 +1,10 @@
 """Identify a soft material from pictures of a bent beam: `import eimi_lab as eimi`, or `eimi` on the command line.
 
-`open`, `acquire`, `import_pictures`, `import_points`, `import_motion` and `segment` lead from the bench or from a
-camera to a dataset. `fit`, `open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`,
-`validate`, `plan`, `report` and `export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` are
-tables of all laws, supply drivers and camera drivers by name, and `LAWS[name] = law` adds a law. The other names are
-the classes of the results and of the errors.
+`open`, `acquire`, `import_pictures`, `import_points`, `import_motion` and `segment` make or open a dataset. `fit`,
+`open_fits`, `tensile`, `discover` and `Prior` lead from datasets to laws. `simulate`, `validate`, `plan`, `report` and
+`export` use a law, and `publish` archives it. `LAWS`, `SUPPLIES` and `CAMERAS` are tables of all laws, supply drivers
+and camera drivers by name, and `LAWS[name] = law` adds a law. The other names are the classes of the results and of the
+errors.
 
 process         tools of the process: errors, signals, workers, files
 showing         the style of figures and tables

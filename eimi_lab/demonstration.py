@@ -37,7 +37,7 @@ Progress = Callable[[str, int], AbstractContextManager[Callable[[str], None]]]
 
 @dataclass(frozen=True)
 class Score:
-    """A fit, together with the true initial shear modulus of the virtual beam, Pa."""
+    """A fit and the true initial shear modulus of the virtual beam (Pa), with which the fit is compared."""
 
     fit: FitRecord
     truth_Pa: float

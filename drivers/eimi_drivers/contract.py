@@ -130,7 +130,9 @@ def _class_faults(driver: object, protocol: type) -> Iterator[str]:
 
 
 def _faults(subject: object, protocol: type) -> Iterator[tuple[str, str]]:
-    """Yield the name and a description of each member of an interface that `subject` lacks or that cannot be called.
+    """Yield the faults of a driver or an instrument: for each fault the name of the member, and a description.
+
+    A fault is a member of the interface that `subject` lacks, or that cannot be called in the prescribed way.
 
     `protocol` is the interface, a `typing.Protocol` such as `PowerSupply`.
     """

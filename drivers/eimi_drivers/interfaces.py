@@ -164,8 +164,8 @@ class Off:
     limit_A : float
         The largest current with which the supply counts as off, A.
     found_off : bool
-        True if the driver had to reopen the connection to the supply, and then found the output off before switching it
-        off.
+        True if the connection to the supply was lost, and the output was off already when the driver had reopened the
+        connection.
     """
 
     current_A: float
@@ -194,7 +194,7 @@ class Frame:
 
 @runtime_checkable
 class PowerSupply(Protocol):
-    """The members of a power supply that feeds a coil with a constant current.
+    """The interface through which eimi-lab uses a power supply, which feeds a coil with a constant current.
 
     Every call ends within 5 s, either with an answer or with InstrumentTimeout. Every error is an InstrumentError.
 
@@ -300,7 +300,7 @@ class SupplyDriver(Protocol):
 
 @runtime_checkable
 class Camera(Protocol):
-    """The members of a camera, or of an object that takes the place of a camera.
+    """The interface through which eimi-lab uses a camera, or an object that takes the place of a camera.
 
     `eimi_drivers.cameras.timed` makes all calls from one thread and sets a deadline for each call. Every error is an
     InstrumentError.
@@ -371,7 +371,9 @@ class SensorReading:
 
 @runtime_checkable
 class Sensor(Protocol):
-    """The members of a sensor: a gaussmeter, a thermometer, or another instrument that measures one number.
+    """The interface through which eimi-lab uses a sensor: an instrument that measures one number.
+
+    Examples are a gaussmeter and a thermometer.
 
     Every call ends within 4 s, or within 2 s if no instrument answers. Every error is an InstrumentError.
     No call changes a setting of the sensor.

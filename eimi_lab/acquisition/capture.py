@@ -27,7 +27,7 @@ class Capture:
     sensed : tuple of mapping
         Readings of the sensors after each frame, by the name of the sensor.
     flags : tuple of Flag
-        Defects of the frames, for the whole state.
+        Names of the defects that at least one of the frames has.
     """
 
     frames: tuple[Frame, ...]

@@ -60,9 +60,11 @@ class Ward:
     `driver`, `address` and the limits `current_A` and `voltage_V` come from the rig file. `off_below_A` is the current
     below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's program
     added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
-    the supply that the run uses; None until the run has read both. `recognised` is true if a current still flowed after
-    the run had switched the output off. Otherwise the guardian takes a supply without a serial number for the supply of
-    the coil only if it finds the output on or measures a current.
+    the supply that the run uses; None until the run has read both.
+
+    `recognised` matters only for a supply without a serial number. The guardian recognises such a supply as the supply
+    of the coil if its output is on or a current flows. If `recognised` is true, neither is necessary, because the run
+    has reported that a current still flowed after it had switched the output off.
     """
 
     driver: str
@@ -152,9 +154,8 @@ class Guardian:
     def recognise(self) -> None:
         """Report to the guardian process that a current still flows although the run has switched the output off.
 
-        After the death of a run, the guardian switches off only a supply that it recognises as the supply of the coil.
-        It usually recognises this supply by an output that is on. After this report, an output that is off is no
-        reason to take the supply for another one.
+        After the death of a run, the guardian has to recognise the supply of the coil. It recognises a supply without
+        a serial number by an output that is on. After this report, it recognises this supply also with its output off.
         """
         self._send(RECOGNISED)
 

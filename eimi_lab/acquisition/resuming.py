@@ -30,7 +30,7 @@ BEGIN_ANEW = "leave out --resume to begin a run"
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A run that ended early: the number of stored states (load steps), and the time since its beginning, s."""
+    """A run that ended early: the number of stored states (load steps), and the time (s) since the run began."""
 
     states: int
     elapsed_s: float
@@ -76,7 +76,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Returns
     -------
     UnfinishedRun
-        The number of stored states (load steps), and the present time on the clock of the run.
+        The number of stored states (load steps), and the time (s) since the run began.
 
     Raises
     ------

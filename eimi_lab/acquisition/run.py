@@ -260,7 +260,7 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """The data from which `event` makes the last event (a record of what happened) of a run.
+    """What the last event of a run reports. An event is a record of one thing that happened in a run.
 
     `path` is the path of the dataset, `states` the number of states (load steps) in the protocol, and `stored` the
     number of states in the dataset. `writer` is None until the dataset is open for writing. From then on, path and

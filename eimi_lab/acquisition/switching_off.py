@@ -59,8 +59,8 @@ class _SignalsHeeded:
     def note(self, number: int, frame: FrameType | None) -> None:
         """Store the number of a signal; the run reacts to it later. This is the handler of the signals.
 
-        The time limit of the ramp to zero current counts from this call. For Ctrl-Z, only the fact is stored, and
-        `move_on` refuses the suspension.
+        The time limit of the ramp to zero current counts from this call. Ctrl-Z is also stored, but does not end the
+        run: `move_on` reports that the suspension is refused.
         """
         if number == SUSPEND:
             self._suspended = True
@@ -126,8 +126,9 @@ class _SignalsHeeded:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """Interrupt an exchange with the supply by an error: Stopped after a second signal, StoodStill after a gap.
+        """Interrupt an exchange with the supply by an error, if a second signal came or the run stood still.
 
+        The error is Stopped after a second signal, and StoodStill if the computer slept or the process was stopped.
         The supply calls this method between two messages. In another thread than the main thread, a signal has no
         effect. After the coil was switched off, the method does nothing.
         """
@@ -177,11 +178,12 @@ def switching_off(
     interruption: Interruption | None = None,
     on_event: OnEvent = ignore_event,
 ) -> Iterator[Callable[[], None]]:
-    """Yield `stop_if_asked`; at the end of the context, ramp the coil down and switch it off.
+    """Ramp the coil down and switch it off at the end of the context, also after an error or a signal.
 
-    The run calls `stop_if_asked` in every step. This function reports to the guardian (the process that switches the
-    coil off if the run dies) that the run is alive, and watches the supply. It raises Stopped if a signal has come. It
-    raises InstrumentError if the guardian is gone, the supply reports a fault or the current is wrong.
+    The context yields a function, which the run calls in every step. The function reports to the guardian (the process
+    that switches the coil off if the run dies) that the run is alive, and watches the supply. It raises Stopped if a
+    signal has come. It raises InstrumentError if the guardian is gone, the supply reports a fault or the current is
+    wrong.
 
     The guardian is armed (charged to switch the coil off) when the context begins. The guardian is disarmed only after
     the supply was confirmed off.

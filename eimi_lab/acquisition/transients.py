@@ -12,10 +12,10 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 class Transient:
     """The frames of a state (load step) that are kept while the beam settles or creeps: at most `budget` frames.
 
-    Each kept frame is later than the previous one by about the same factor in the time since the current last changed,
-    because creep proceeds with the logarithm of time. After every kept frame, this factor is computed again from the
-    remaining time and the remaining number of frames. Therefore `budget` frames are kept even if the camera is too slow
-    for the first intervals.
+    The frames are kept at times t that form a geometric series, because creep proceeds with the logarithm of time. Here
+    t is the time since the last change of the current. After every kept frame, the ratio of the series is computed
+    again from the remaining time and the remaining number of frames. Therefore `budget` frames are kept even if the
+    camera is too slow for the first intervals.
 
     Parameters
     ----------

@@ -26,7 +26,9 @@ def discover(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Discovered:
-    """Select the terms of the strain energy by the errors of laws on data that were not fitted (cross-validation).
+    """Select the terms of the strain energy of a material by cross-validation.
+
+    Laws with different terms are fitted to a part of the data, and are compared by their errors on the other data.
 
     Parameters
     ----------

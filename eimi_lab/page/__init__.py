@@ -8,7 +8,7 @@ tabs           the open tabs: one controls the run, the others watch
 run_desk       the routes that begin, pause, end and stop a run
 choices        the protocols, specimens and rigs that a person may choose
 bench_run      start, watch and end the process of a run; part of the server
-instructions   what a person does at the page where a run names an option of a terminal
+instructions   replace an instruction for the terminal, in a message of a run, by the instruction for the page
 watched_run    send frames and events of a run to the page; part of the process of the run
 frame_memory   the newest frame, in memory that server and run share
 opened_eyes    start and end the processes of `eye`; part of the server

@@ -124,11 +124,11 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 
 
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
-    """Find the edges of the beam in an image, and return a JSON object.
+    """Find the edges of the beam in an image, and return them with the blur of the image as a JSON object.
 
-    The page shows the blur of every image. The search for edges reports the blur only in a flag (failed quality check),
-    if the blur is above a limit. The search therefore runs with the limit 0. The returned flags contain the flag for
-    blur only if the blur is above the usual limit.
+    The search for edges reports the blur only if the blur is above a limit, in a flag (failed quality check). The page
+    shows the blur of every image, and the search therefore runs with the limit 0. In the result, this flag occurs only
+    if the blur is above the usual limit.
 
     Parameters
     ----------

@@ -86,9 +86,9 @@ class FitDesk:
         ]
 
     def as_json(self) -> dict[str, Any]:
-        """Return phase and progress of the fit for every tab, as a JSON object whose value is None before a fit.
+        """Return phase and progress of the fit for every tab, as a JSON object with the key "fit".
 
-        A tab shows the live web page of `eimi dashboard` in a browser.
+        The value of this key is None before a fit. A tab shows the live web page of `eimi dashboard` in a browser.
         """
         return {"fit": asdict(self.fitting) if self.fitting else None}
 

@@ -60,9 +60,10 @@ class Tab:
 
     ``socket`` is its WebSocket, and ``name`` identifies the tab. ``stale`` is true until the tab has received the
     newest state of the page (of run, camera and fit). ``frame`` and ``edges`` are the newest frame and edges that are
-    not sent yet; None without one. ``waiting`` contains the times at which a frame was sent and captured (s, monotonic
-    clock), from the sending until the tab has shown the frame; otherwise None. ``wake`` tells the sending task that
-    there is something to send.
+    not sent yet; None without one. ``wake`` tells the sending task that there is something to send.
+
+    While a frame is on its way to the tab, ``waiting`` contains two times (s, monotonic clock): when the frame was sent
+    and when it was captured. After the tab has shown the frame, ``waiting`` is None.
     """
 
     socket: WebSocket

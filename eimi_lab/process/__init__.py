@@ -1,4 +1,4 @@
-"""Services of the operating-system process that all other packages may use.
+"""What all other packages need from the operating system: processes, files, the terminal, signals, memory and the log.
 
 errors       errors caused by the user's input, and messages in one line
 progress     progress bars, or plain lines without a terminal

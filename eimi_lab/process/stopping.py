@@ -50,7 +50,10 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message of this error, or of the first signal if another signal came while the program ended."""
+        """Return the message of this error.
+
+        If another signal came while the program ended after a first signal, return the message for the first signal.
+        """
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:

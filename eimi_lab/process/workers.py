@@ -271,10 +271,11 @@ def started(
 
 
 def start_resource_tracker() -> None:
-    """Start Python's resource tracker, a process that removes shared resources, so that a hang-up does not end it.
+    """Start Python's resource tracker in such a way that the closing of the terminal (a hang-up) does not end it.
 
-    The hang-up signal is blocked during the start, and the resource tracker ignores all other signals by itself. If a
-    hang-up ended it before the worker processes, Python would print many lines about the loss of the tracker.
+    The resource tracker is a process that removes the resources that processes share. If a hang-up ended the tracker
+    while worker processes still run, Python would print many lines about its loss. The hang-up signal is therefore
+    blocked during the start. The tracker itself ignores the other signals that end a program.
     """
     if sys.platform != "win32":  # Windows removes shared resources by itself
         with _blocked("SIGHUP"):

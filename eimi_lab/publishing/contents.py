@@ -116,7 +116,7 @@ def _files_of(run: Path) -> Iterator[tuple[Path, PurePosixPath]]:
 
 
 def _described(source: Path, place: PurePosixPath) -> Iterator[PublishedFile]:
-    """Yield a file with its description. For a dataset, also yield the TOML texts that it contains."""
+    """Yield a file for the archive with its description. For a dataset, also yield the TOML texts that it contains."""
     try:
         with source.open("rb") as opened:
             sha256 = hashlib.file_digest(opened, "sha256").hexdigest()

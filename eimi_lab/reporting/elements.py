@@ -42,7 +42,8 @@ class Picture:
     photograph : bool
         Whether the figure contains frames. A figure with frames is embedded as pixels, any other figure as SVG.
     of_half_width : bool
-        Whether the figure stands in one of two columns. A narrow figure elsewhere has its caption beside it.
+        Whether the figure stands in one of two columns, with its caption below it. Any other narrow figure has its
+        caption beside it.
     """
 
     name: str

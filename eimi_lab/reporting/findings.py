@@ -144,7 +144,7 @@ def _how(fit: FitRecord) -> str:
 
 
 def scatter_of(datasets: Sequence[DatasetContents]) -> str:
-    """Return the words with which sentences name the measurement noise, such as `scatter of the edges`."""
+    """Return a name for the noise of the measurement, such as `scatter of the edges`, for use in a sentence."""
     what = {"frames": "edges", "points": "tracked points"}
     kinds = [words for kind, words in what.items() if any(c.dataset.kind == kind for c in datasets)]
     return f"scatter of the {' and '.join(kinds) or 'measurements'}"

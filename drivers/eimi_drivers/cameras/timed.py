@@ -100,7 +100,7 @@ class TimedCamera:
         return dict(getattr(self._camera, "lost_frames", {}))
 
     def close(self) -> None:
-        """Release the camera, unless an earlier call has not returned within its time limit."""
+        """Release the camera. After a call that exceeded its time limit, the camera is not called any more."""
         try:
             if not self._lost:
                 self._within(ANSWER_WITHIN_S, "close", self._camera.close)

@@ -120,10 +120,10 @@ class AimTtiDialect:
             self._refuse(LOCKED_OUT)
             return ""
         if message == "TRIPRST":
-            self._obey(self.supply.clear_trip())
+            self._refuse_unless(self.supply.clear_trip())
             return ""
         if match := re.fullmatch(r"OPALL ([01])", message):
-            self._obey(self.supply.switch(match[1] == "1"))
+            self._refuse_unless(self.supply.switch(match[1] == "1"))
             return ""
         match = re.fullmatch(r"([A-Z]+?)(\d)(O?)(\?|V? +\S+)", message)
         if match is None:
@@ -159,7 +159,7 @@ class AimTtiDialect:
             case "ADDRESS?":
                 return "11"
             case "*RST":
-                self._obey(self.supply.reset(1.0))
+                self._refuse_unless(self.supply.reset(1.0))
             case _:
                 self._events |= COMMAND_ERROR
         return ""
@@ -197,7 +197,7 @@ class AimTtiDialect:
 
     def _set(self, header: str, argument: str) -> None:
         if header in self._protections and argument in {"ON", "OFF"}:
-            self._obey(self._protections[header].switch(argument == "ON"))
+            self._refuse_unless(self._protections[header].switch(argument == "ON"))
             return
         try:
             number = float(argument)
@@ -208,13 +208,13 @@ class AimTtiDialect:
         highest_V, highest_A = self.model.ranges.get(self._range, (supply.max_voltage_V, supply.max_current_A))
         match header:
             case "V":
-                self._obey(number <= highest_V and supply.set_voltage(number))
+                self._refuse_unless(number <= highest_V and supply.set_voltage(number))
             case "I":
-                self._obey(number <= highest_A and supply.set_current(number))
+                self._refuse_unless(number <= highest_A and supply.set_current(number))
             case "OP":
-                self._obey(number in {0, 1} and supply.switch(number == 1))
+                self._refuse_unless(number in {0, 1} and supply.switch(number == 1))
             case "OVP" | "OCP":
-                self._obey(self._protections[header].set_level(number))
+                self._refuse_unless(self._protections[header].set_level(number))
             case _ if header == self.model.range and header:
                 if supply.output_on():
                     self._refuse(self.model.range_refused)
@@ -225,8 +225,8 @@ class AimTtiDialect:
             case _:
                 self._events |= COMMAND_ERROR
 
-    def _obey(self, accepted: bool) -> None:
-        """Store an error if the supply did not accept a command; `accepted` tells whether it did.
+    def _refuse_unless(self, accepted: bool) -> None:
+        """Store an error if `accepted` is false, which means that the supply did not accept a command.
 
         The error is `LOCKED_OUT` if a person uses the front panel, and otherwise the error for a value out of range.
         """

@@ -33,7 +33,7 @@ class _CurrentResponder:
 def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
     """Serve the true current of a coil on a TCP port while the `with` block runs, and yield the address.
 
-    The form of the address is `ADDRESS`. If `port` is 0, a free port is used.
+    The address is a text such as ``TCPIP::127.0.0.1::5555::SOCKET``. If `port` is 0, a free port is used.
     """
     return serve_tcp(_CurrentResponder(coil), port=port)
 

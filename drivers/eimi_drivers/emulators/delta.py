@@ -131,7 +131,7 @@ class DeltaPscEthDialect(ScpiDialect):
 
 
 class DeltaSm15kDialect(DeltaPscEthDialect):
-    """Emulated SM15K, which answers like an SM supply with a PSC-ETH card and also limits its set-points."""
+    """Emulated SM15K, whose set-points can be limited. Otherwise it answers like an SM supply with a PSC-ETH card."""
 
     identification = "DELTA ELEKTRONIKA B.V.,SM70-CP-450,EMULATED,P0110"
     remote = "Ethernet"

@@ -140,9 +140,9 @@ def _formula(name: str, formula: str, **variables: str) -> str:
 
 
 def _converted(name: str, address: int, to_register: str, from_register: str, smallest: int, largest: int) -> str:
-    """Return the XML of a feature whose number is computed from the integer in a register of the camera.
+    """Return the XML of a numerical feature, whose value is computed from the integer in a register of the camera.
 
-    GenICam converts in both directions with two formulas.
+    GenICam needs two formulas: one to compute the value from the integer, and one to compute the integer.
 
     Parameters
     ----------
@@ -151,9 +151,9 @@ def _converted(name: str, address: int, to_register: str, from_register: str, sm
     address : int
         The address of the register.
     to_register : str
-        The formula for the integer in the register. It contains the number of the feature as FROM.
+        The formula for the integer in the register. In it, FROM stands for the value of the feature.
     from_register : str
-        The formula for the number of the feature. It contains the integer in the register as TO.
+        The formula for the value of the feature. In it, TO stands for the integer in the register.
     smallest, largest : int
         The bounds of the integer in the register.
     """

@@ -128,8 +128,8 @@ class ScpiDialect:
     def _shortened(self, line: str) -> str:
         """Return a message in the form of the keys of `questions` and `commands`.
 
-        Each word of the header has its short form, and words that SCPI allows to leave out are left out if only this
-        gives a known header.
+        Each word of the header is replaced by its short form. If the header is then not known, the words that SCPI
+        allows to leave out are removed.
         """
         header, space, argument = line.removeprefix(":").partition(" ")
         mark = "?" if header.endswith("?") else ""

@@ -109,10 +109,10 @@ class CoilThermometer:
 
 
 def _digits_share(reading: Reading) -> float:
-    """Return the relative standard uncertainty of a resistance because the meters of the supply show few digits.
+    """Return the relative standard uncertainty that the rounding of voltage and current causes in their quotient.
 
-    `reading` contains the voltage and the current from which the resistance is computed. If a meter shows steps of the
-    size d, the standard uncertainty of its value is d / √12 (JCGM 100:2008, F.2.2.1).
+    The quotient is the resistance. The meters of the supply round the voltage and the current in `reading`. A value
+    that is rounded to steps of the size d has the standard uncertainty d / √12 (JCGM 100:2008, F.2.2.1).
     """
     return math.hypot(STEP_V / reading.voltage_V, STEP_A / reading.current_A) / math.sqrt(12.0)
 

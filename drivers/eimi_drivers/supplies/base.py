@@ -280,9 +280,9 @@ class SupplyBase(Conversation, ABC):
     def _reopen_and_compare(self) -> bool:
         """Reopen the connection to the supply, and return whether its output is off already.
 
-        After the reopening, another supply may answer at the same address. Raises SwitchOffFailed if this may be so. If
-        the connection cannot be reopened, or if no supply was identified before, nothing is checked and the result is
-        False.
+        After the reopening, another supply may answer at the same address. SwitchOffFailed is raised unless the supply
+        is recognised as the same one. If the connection cannot be reopened, or if no supply was identified before,
+        nothing is checked and the result is False.
         """
         try:
             if not self._link.reopen() or self._bound is None:

@@ -186,9 +186,10 @@ class ScpiSupply(SupplyBase):
         check_level(self._link.address, self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Correct the settings of the supply that give the set-points their meaning (`Profile.modes`), if necessary.
+        """Set the modes of the supply (`Profile.modes`) in which its set-points are voltage and current of the coil.
 
-        An example is the priority of the current. Raises SetPointNotTaken if a setting is still wrong afterwards.
+        An example is constant current. A mode that is right already is not changed. Raises SetPointNotTaken if a mode
+        is still wrong afterwards.
         """
         for question, right, message in self.profile.modes:
             beginnings = tuple(right.split("|"))

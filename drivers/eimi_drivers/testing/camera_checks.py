@@ -156,14 +156,14 @@ def gives_up_on_a_camera_that_hangs(bench: CameraBench) -> None:
     """Check that `grab` raises InstrumentTimeout if the camera delivers no frame."""
     if bench.freeze is not None:
         bench.freeze()
-        must_raise((InstrumentTimeout,), "grab() of a camera without new frames", lambda: _grab_on(bench.camera))
+        must_raise((InstrumentTimeout,), "grab() of a camera without new frames", lambda: _grab_new(bench.camera))
 
 
 def says_that_it_was_unplugged(bench: CameraBench) -> None:
     """Check that `grab` raises InstrumentDisconnected after the camera was unplugged."""
     if bench.unplug is not None:
         bench.unplug()
-        must_raise((InstrumentDisconnected,), "grab() of an unplugged camera", lambda: _grab_on(bench.camera))
+        must_raise((InstrumentDisconnected,), "grab() of an unplugged camera", lambda: _grab_new(bench.camera))
 
 
 CAMERA_CHECKS: tuple[Callable[[CameraBench], None], ...] = (
@@ -241,8 +241,8 @@ def _in_time(camera: Camera) -> Frame:
     return within(ENDS_WITHIN_S, f"grab({SHORT_S:g})", lambda: camera.grab(SHORT_S))
 
 
-def _grab_on(camera: Camera) -> Frame:
-    """Return the first frame after all frames that the camera may have stored before it was disturbed."""
+def _grab_new(camera: Camera) -> Frame:
+    """Discard the frames that may still be stored from the time before the camera was disturbed; return the next."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

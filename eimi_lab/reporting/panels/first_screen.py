@@ -58,9 +58,10 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw the frame of the used state `k`, with the measured edges and, if there is a simulation, the simulated edges.
+    """Draw a frame of a state, with the measured edges and, if there is a simulation, the simulated edges.
 
-    `points` is the number of measured points that are drawn on each edge; None draws all points.
+    `k` is the index of the state among the states that the fit uses. `points` is the number of measured points that are
+    drawn on each edge; None draws all points.
     """
     frame, image = frame_of(contents), contents.dataset.images(contents.evidence.states[k].index, 1)[0]
     axes.imshow(crop.of(image), cmap="gray", vmin=0, vmax=1)
@@ -76,7 +77,7 @@ def _draw(
 
 
 def _look_at_tip(axes: Axes, contents: DatasetContents, k: int, crop: Crop) -> None:
-    """Set the limits of the axes so that they show the tip: the last part of both edges."""
+    """Set the limits of the axes so that they show the tip in state `k`: the last part of both edges."""
     ends = np.concatenate([points[-len(points) // _LAST :] for points in measured_mm(contents, k)])
     places = crop.places(frame_of(contents).to_px(ends))
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
