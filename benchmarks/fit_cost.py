@@ -105,7 +105,7 @@ def task_kB(path: Path, section: str) -> float:
 
 
 def points_ms(states: int) -> float:
-    """Return the time (ms) for comparing eight simulated beams with points that are tracked in `states` states."""
+    """Return the time (ms) of a comparison of eight simulated beams with points on a beam in `states` load steps."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])

@@ -9,12 +9,12 @@ gives a probability to each of them (in `fits.json`). The benchmark measures the
 imperfection is found as the most probable cause. CAUSE is the name of an imperfection, which is also the name of the
 cause in `fits.json`. By default all imperfections are simulated.
 
-The beam is that of the bench example, in eight fields up to 7.05 mT. It is simulated as a Neo-Hookean solid on a finer
-mesh than the mesh of the fit. The edges have white noise.
+The beam of the bench example is simulated in eight fields up to 7.05 mT, as a Neo-Hookean solid on a finer mesh than
+the mesh of the fit. The edges have white noise.
 
 Two fits are made for each imperfection and seed of the noise. The first assumes the straight shape in the specimen
-file. The second uses the rest shape (the shape without load), which is measured in the edges. The output has two lines
-for a fit. The first line gives the error of the modulus with a 95 % interval from noise and mesh, and says whether the
+file. The second uses the rest shape (the shape without load), which is measured in the edges. Two lines are printed for
+each fit. The first line gives the error of the modulus with a 95 % interval from noise and mesh, and says whether the
 95 % interval from all uncertainties in the files contains the true modulus. The second line gives the rank of the true
 cause among the compared causes. The last lines of the output count the ranks.
 

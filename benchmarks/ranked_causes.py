@@ -170,10 +170,10 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the true modulus is in the 95 % interval, or is in it after the change of which a doubt warns.
+        """Whether the 95 % interval from all stated uncertainties contains the true modulus, or a doubt corrects it.
 
-        The interval is the one from all stated uncertainties. The doubt gives a range of changes of the modulus
-        (`doubted_percent`). It is enough if one of these changes shifts the interval over the true modulus.
+        A doubt may give a range of changes of the modulus (`doubted_percent`). It corrects the interval if one of these
+        changes shifts the interval so that it contains the true modulus.
         """
         if self.holds or self.doubted_percent is None:
             return self.holds

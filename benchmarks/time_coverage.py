@@ -212,9 +212,11 @@ def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
 
 @contextmanager
 def reduced() -> Iterator[None]:
-    """Let fits use reduced recordings and fit two terms only, from the hidden law, while the context lasts.
+    """While the `with` block runs, make fits with the last three simplifications that the module lists.
 
-    The steps that the table does not need, such as a fit without a prior on the magnetic moment, are left out.
+    The vibrations of the recordings are known and not fitted. Only two terms are fitted, and the fit starts at the
+    hidden law. The steps that the table does not need, such as a fit without a prior on the magnetic moment, are left
+    out.
     """
     draw, last = law_of_time.drawn, np.zeros((0, 0))
 

@@ -335,7 +335,8 @@ def _segment(
     """Return start and end in s of the part of a ring-down that is fitted, and warnings about the frames left out.
 
     In this part the beam vibrates freely: it is not pushed again, and its amplitude is below 5 % of its length.
-    frequency: frequency of the vibration in Hz; length_mm: length of the beam; is_stepped: see `decay_of`.
+    frequency: frequency of the vibration in Hz; length_mm: length of the beam; is_stepped: whether a known step of the
+    load begins the motion at the time 0.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []

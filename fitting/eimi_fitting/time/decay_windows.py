@@ -147,12 +147,13 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
 
-    The swing changes both numbers from one time window to the next. The larger one of two differences is the error:
+    The swing changes both numbers from one time window to the next. For each number, the error is the larger one of two
+    differences:
 
-    - The difference between a window and the vibration that was fitted to all used windows, minus twice the standard
-      uncertainty of the window. This is the largest one of the used windows. Windows with small amplitudes are left
-      out, because the swing is the larger part of the motion there.
-    - Half of the difference between the last used window and the first unused one.
+    - Each used window is compared with the vibration that was fitted to all used windows, and twice the standard
+      uncertainty of the window is subtracted from their difference. The largest result counts. Windows with small
+      amplitudes are left out, because the swing is the larger part of the motion there.
+    - The second is half of the difference between the last used window and the first unused one.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
     and loss factor of the fitted vibration.

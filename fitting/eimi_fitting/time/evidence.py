@@ -145,8 +145,8 @@ class RingEvidence:
         """The standard uncertainty of ln(lowest frequency) due to the mesh and to the suspension of a weight.
 
         The frequency is computed for a weight on a thread, which moves with the tip along gravity only. On a stiff hook
-        the weight would move with the tip in all directions. The difference between the frequencies for thread and hook
-        counts as two standard uncertainties.
+        the weight would move with the tip in all directions. The uncertainty due to the suspension is half of the
+        difference between these two cases.
         """
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 

@@ -107,8 +107,8 @@ class StaticStates:
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     of_picture : mapping of str to float
-        Uncertain inputs that change the picture of the beam but not its shape, such as the scale of the picture: the
-        relative change of the modulus if an input changes by its standard uncertainty. By the keys of `SOURCES`.
+        Relative change of the modulus if an uncertain input changes by its standard uncertainty, by the keys of
+        `SOURCES`. The inputs are those that change the picture of the beam but not its shape, such as the scale.
     """
 
     runs: tuple[StaticRun, ...]
@@ -237,10 +237,10 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a doubt (a warning) if the specimen file states a planar section and this changes the modulus by 2 %.
+    """Return a doubt (a warning) if the stated planar section and a solid section give different moduli.
 
-    The modulus with the planar section is compared with the modulus with a solid section. The result is empty if they
-    differ less, or if the solid model has no equilibrium.
+    The stated section is the one in the specimen file. The result is empty if the moduli differ by less than 2 %, or if
+    the solid model has no equilibrium.
     """
     try:
         change = table.solid_over_stated_modulus() - 1
@@ -317,7 +317,8 @@ def _creeps(
 ) -> tuple[CreepEvidence, ...]:
     """Return rotations of the tip over time (the evidence of creep) from recordings with a step of the load.
 
-    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used.
+    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used. middle_Pa: a
+    typical shear modulus of the specimen.
     """
     evidence = []
     for recorded, decay in analysed:

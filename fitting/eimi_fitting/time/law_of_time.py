@@ -142,7 +142,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The values of the objective function for one generation of CMA-ES, in the form that `search` expects."""
+    """The objective function for the candidates of one generation of CMA-ES, with two flags for each candidate."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]

@@ -46,12 +46,12 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 
 
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
-    """Return a fit of two vibrations of almost equal frequency, as a swinging weight causes them, or None.
+    """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing.
 
-    The fit must describe the motion much better than ``fitted``, the fit of one vibration to the same frames; otherwise
-    the result is None. It is also None if something else takes energy from the beam. This is assumed if the first two
-    time windows (``windows``) have the same frequency, but the loss factor in the first window is far smaller than the
-    loss factor of the beam that follows from the two vibrations (`of_beam`).
+    The two vibrations have almost equal frequencies. The weight swings if the fit describes the motion much better than
+    ``fitted``, the fit of one vibration to the same frames. There is one exception, in which something else takes
+    energy from the beam: the first two time windows (``windows``) have the same frequency, but the loss factor in the
+    first window is far smaller than the loss factor of the beam that follows from the two vibrations (`of_beam`).
     """
     if fitted.noise < _NOISE:
         return None
@@ -109,13 +109,19 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the shares p_i of the beam in the energy of the two vibrations, (2,); for the argument see `_squares`."""
+    """Return the shares p_i of the beam in the energy of the two vibrations, (2,).
+
+    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    """
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())
 
 
 def _alone(modes: Array) -> Array:
-    """Return ln(angular frequency) and the loss factor of the beam alone, (2,); for the argument see `_squares`."""
+    """Return ln(angular frequency) and the loss factor of the beam with a weight that does not swing, (2,).
+
+    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    """
     squares, shares = _squares(modes), _shares(modes)
     if abs(modes[2] - modes[0]) > np.log(_APART):
         alone = squares[int(np.argmax(shares))]
