@@ -46,7 +46,7 @@ def eimi(folder: Path, *arguments: str | Path) -> None:
 
 
 def demonstration(folder: Path, *more: str) -> dict[str, Json]:
-    """Run `eimi demo` in a folder, and return its results as JSON values."""
+    """Run `eimi demo` in a folder with the options `more`, and return its results as JSON values."""
     eimi(folder, "demo", "-o", "demo", *more)
     return results(folder, Path("demo") / "dataset.h5", Path("demo") / "fits.json")
 

@@ -36,7 +36,10 @@ _VERDICTS = ("right", "doubted", "refused", "thin", "silent")
 
 
 def verdict(edges: EdgeSet, scored: PictureScore) -> str:
-    """Return one of the verdicts that the docstring of this module defines."""
+    """Return whether the detected edges of a changed photograph are good enough, as one of five words.
+
+    The words are "refused", "silent", "right", "doubted" and "thin". The docstring of this module explains them.
+    """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
         return "refused"

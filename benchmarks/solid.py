@@ -1,6 +1,6 @@
-"""Verify the solid element and the solid model: compare them with exact solutions, plane strain and FElupe.
+"""Verify the solid element and the solid model by comparison with independent solutions.
 
-FElupe is another program for finite elements.
+The solutions are exact solutions, the planar model in plane strain, and FElupe, another program for finite elements.
 
 python -m benchmarks.solid [--short]
 """

@@ -325,7 +325,9 @@ def tables_shared(store: Path) -> Iterator[None]:
 
 
 def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
-    """Measure and fit the hidden material of a seed.
+    """Draw a hidden material from a seed, simulate a measurement of it, and fit the measurement.
+
+    is_whole: whether the recordings show the vibrations; otherwise they show the creep alone.
 
     Returns
     -------
