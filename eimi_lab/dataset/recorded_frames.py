@@ -56,8 +56,9 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
     """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
 
     In a ring-down the current steps to zero and the beam swings freely. A file of an early version contains one
-    ring-down, in the group `release`, without the data of the step. The current before this step is then the last
-    current of the run, and the standard uncertainty of its time is the interval between two frames.
+    ring-down, in the group `release`, without the data of the step. The current before this step is then assumed to be
+    the last current of the run. For the standard uncertainty of the time of the step, the interval between two frames
+    is used.
 
     Parameters
     ----------

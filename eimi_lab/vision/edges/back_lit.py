@@ -63,10 +63,10 @@ class BackLitSearch:
     """The search for the edges of a beam in one image, in front of a back-light.
 
     The search starts from the outline of the silhouette (the dark body in the picture that leaves the clamp), which is
-    accurate to about a pixel. On normals to this outline, the profile of grey values is read, and averaged with its
-    neighbours (four in all). The edge is the place of a step, blurred by a Gaussian, that is fitted to the profile. The
-    grey values on both sides of the step are fitted to each profile, but the blur is the same for the whole image.
-    The fit is then repeated on normals to the smooth curve through the fitted points.
+    accurate to about a pixel. On normals to this outline, profiles of grey values are read; each profile is the mean of
+    four parallel lines. The edge is the place of a step, blurred by a Gaussian, that is fitted to the profile. The grey
+    values on both sides of the step are fitted to each profile, but the blur is the same for the whole image. The fit
+    is then repeated on normals to the smooth curve through the fitted points.
 
     Attributes
     ----------

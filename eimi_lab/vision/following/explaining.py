@@ -36,7 +36,8 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     -------
     dict of str to ndarray of uint8
         ``"strip"``: the searched picture with the strip. The strip is the band in which the beam was found. The colour
-        of the strip goes from red to green with the gain of each search step, which measures how clear both edges are.
+        of the strip goes from red to green with the gain of each search step, which measures how clearly the picture
+        shows both edges.
 
         ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
         the colour projections (weighted sums of the colours) of the left and of the right edge. Both edges are drawn in

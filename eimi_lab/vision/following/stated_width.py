@@ -25,10 +25,11 @@ _WINDOW = 1.0  # widths along the beam over which colours are averaged
 
 
 def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, end: int) -> Seams:
-    """Move one edge inward if the body is too wide, and if a clear edge lies at the stated width from the other edge.
+    """Move one edge inward if the body is too wide, and if the colour changes strongly at about the stated width.
 
-    The search is made for each of the two edges, and the clearer of the two found edges is used. The region between the
-    found edge and the former border must be darker than the surroundings, as a shadow is.
+    The stated width is measured from the other edge. The search is made for each of the two edges. If both searches
+    find an edge, the one with the stronger change of colour is used. The region between the found edge and the former
+    border must be darker than the surroundings, as a shadow is.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Find the beam in each frame of a recording, near its place in the previous frames.
 
 The beam is described by a curve of fixed length (`beam_curve`). In each frame, the curve is found in three steps.
-First, the change from the frame before is continued. Second, the curve is moved to the band (a strip as wide as the
+First, the motion in the previous frames is continued. Second, the curve is moved to the band (a strip as wide as the
 beam) that contrasts most with its surroundings. Third, the curve is moved to the middle between the two edges. Only
 pixels near the beam are read.
 """
