@@ -108,6 +108,7 @@ def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
         middle=middle,
         aside=24.0 * np.column_stack([-np.sin(angle), np.cos(angle)]),
         width=np.ones(stations),
+        stated=np.ones(stations),
         inside=np.ones(colours.shape, dtype=bool),
     )
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.size_along import SizeAlong
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset import segmentation
 from eimi_lab.dataset.reading import open_dataset
@@ -108,6 +109,38 @@ def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
     edges = find_edges(np.clip(image, 0, 255).astype(np.uint8), calibration, SPECIMEN)
     x, _ = BeamFrame(calibration).to_px(edges.right.points_mm).T
     assert np.abs(x - 110.5).max() < 1.0
+
+
+def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along_the_beam():
+    """A bent beam, 1.6 times as wide amid its length as at its ends, lies on clutter of about its own brightness."""
+    y, x = np.mgrid[0:480, 0:360].astype(float)
+    arc = (y - 40.0) / 400.0
+    middle, factor = 160.0 + 60.0 * arc**2, 1.0 + 0.6 * np.exp(-0.5 * ((arc - 0.5) / 0.15) ** 2)
+    aside = (x - middle) / np.sqrt(1.0 + (120.0 * arc / 400.0) ** 2)
+    rng = np.random.default_rng(3)
+    clutter = cv2.resize(rng.uniform(60.0, 190.0, (12, 9, 3)), (360, 480), interpolation=cv2.INTER_CUBIC)
+    image = np.where(((np.abs(aside) < 15.0 * factor) & (arc > 0.0) & (arc < 1.0))[..., None], (70, 90, 215), clutter)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + rng.normal(0.0, 2.0, image.shape)
+    calibration = CALIBRATION.model_copy(update={"clamp_midpoint_px": (160.0, 40.0), "pixels_per_mm": 10.0})
+    share = np.linspace(0.0, 1.0, 11)
+    widths = 3.0 * (1.0 + 0.6 * np.exp(-0.5 * ((share - 0.5) / 0.15) ** 2))
+    rows = tuple(zip((40.7 * share).tolist(), widths.tolist(), strict=True))
+    size = {"length_mm": 40.7, "width_mm": SizeAlong(rows)}
+    stated = SPECIMEN.model_copy(update={"specimen": SPECIMEN.specimen.model_copy(update=size)})
+    edges = find_edges(np.clip(image, 0, 255).astype(np.uint8), calibration, stated)
+    assert not severities(edges) & {Severity.DOUBTFUL, Severity.UNUSABLE}
+    for edge in (edges.left, edges.right):
+        px, py = BeamFrame(calibration).to_px(edge.points_mm).T
+        arc = (py - 40.0) / 400.0
+        aside = (px - 160.0 - 60.0 * arc**2) / np.sqrt(1.0 + (120.0 * arc / 400.0) ** 2)
+        off = np.abs(aside) - 15.0 * (1.0 + 0.6 * np.exp(-0.5 * ((arc - 0.5) / 0.15) ** 2))
+        assert np.ptp(py) > 350.0
+        assert np.sqrt(np.mean(off**2)) < 0.4
+    mean = stated.specimen.model_copy(update={"width_mm": float(np.mean(widths))})
+    alone = find_edges(
+        np.clip(image, 0, 255).astype(np.uint8), calibration, stated.model_copy(update={"specimen": mean})
+    )
+    assert severities(alone) & {Severity.DOUBTFUL, Severity.UNUSABLE}
 
 
 def test_points_where_a_shadow_replaces_the_edge_are_left_out():

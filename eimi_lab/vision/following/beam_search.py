@@ -167,7 +167,8 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
     """
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
-    grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, width * _SEED_WIDTH)
+    stated = float(beam.relative_width(_SEED_AT * width)) * width
+    grid = np.meshgrid(aside * _SEED_OFFSET, _SEED_ANGLE, stiffness.bend * _SEED_BEND, stated * _SEED_WIDTH)
     offset, turn, bend, wide = (axis.ravel() for axis in grid)
     across = np.array([-beam.ahead[1], beam.ahead[0]])
     angle = beam.axis_rad + turn
@@ -184,7 +185,7 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
     scatter = squares * len(lines) / (len(lines) - 1)
     variance = hypothesis.assumed_variance(hypothesis.least_variance(picture), scatter, template)
     score = hypothesis.side_support(colours, variance) - _NEEDED
-    score -= _implausible(np.zeros(len(bend)), wide / width, bend, width)
+    score -= _implausible(np.zeros(len(bend)), wide / stated, bend, width)
     score -= 0.5 * (offset / aside) ** 2  # the clamp is close to its stated place
     if polarity is not None:
         brighter = hypothesis.brightness_step(colours) > 0.0
@@ -211,7 +212,9 @@ def _extended(
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
-    width = strips.width[:, None] * _MORE_WIDTH
+    stated = float(picture.beam.relative_width(along)) * picture.beam.width_px
+    before = float(picture.beam.relative_width(along - step)) * picture.beam.width_px
+    width = strips.width[:, None] * (stated / before * _MORE_WIDTH)
     begin_angle, aside = strips.angle[:, None], picture.beam.width_px * _MORE_ASIDE
     begin_x = strips.place[:, :1] - np.sin(begin_angle) * aside
     begin_y = strips.place[:, 1:] + np.cos(begin_angle) * aside
@@ -227,7 +230,7 @@ def _extended(
     gain = hypothesis.side_support(colours, variance) - _NEEDED
     gain -= 0.42 * hypothesis.misfit(colours, strips.template[:, None], strips.tolerance[:, None])
     gain -= 0.6 * (_MORE_ASIDE / 0.35) ** 2
-    gain -= _implausible(_MORE_BEND, width / picture.beam.width_px, bend, picture.beam.width_px)
+    gain -= _implausible(_MORE_BEND, width / stated, bend, picture.beam.width_px)
     if picture.beam.line is not None:
         gain += picture.beam.line.gain(x, y, along, picture.beam.width_px)
     high, wide = picture.pixels.shape[:2]

@@ -7,6 +7,7 @@ points follows the wrong line.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,9 @@ _NEAR = 0.025  # widths: a smaller difference is not another edge
 _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
-def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[StripEdges, StripEdges]:
+def trim_ends(
+    left: StripEdges, right: StripEdges, width_px: float, stated: Callable[[Array], Array] = np.ones_like
+) -> tuple[StripEdges, StripEdges]:
     """Remove the points near the clamp and near the tip where the width of the beam clearly changes.
 
     Parameters
@@ -34,6 +37,9 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
         The located edges.
     width_px : float
         Nominal width of the beam.
+    stated : callable
+        Function of n distances from the clamp, in nominal widths, that returns the stated widths there, in nominal
+        widths. By default, the width is constant.
 
     Returns
     -------
@@ -42,7 +48,7 @@ def trim_ends(left: StripEdges, right: StripEdges, width_px: float) -> tuple[Str
     """
     kept = []
     for edge, other_edge in ((left, right), (right, left)):
-        widths = local_widths(edge.points, other_edge.points) / width_px
+        widths = local_widths(edge.points, other_edge.points) / (width_px * stated(edge.along))
         begin = _as_wide_toward_last(edge.along[::-1], widths[::-1])[::-1]
         kept.append(begin & _as_wide_toward_last(edge.along, widths))
     one, two = (_without(edge, keep) for edge, keep in zip((left, right), kept, strict=True))

@@ -139,7 +139,7 @@ def follow(
     left, right = (locate_edge(image, unrolled, sides, side, spacing_px) for side in (0, 1))
     if left is None or right is None:
         return FollowedBeam(findings | {"followed_sides": 0.0}, coarse, strip, unrolled, sides)
-    left, right = trim_ends(left, right, beam.width_px)
+    left, right = trim_ends(left, right, beam.width_px, lambda along: beam.relative_width(along * beam.width_px))
     findings |= {
         "followed_penumbra": penumbra_px(left, right, sides, beam.width_px),
         "followed_shadow": shadow_px(sides, beam.width_px),
@@ -171,7 +171,7 @@ def _findings(
     if not both.any():
         return {"followed_length": 0.0}
     first = int(both.argmax())
-    width = sides.width[both]
+    width = (sides.width / unrolled.stated)[both]
     length = float(unrolled.along[sides.end - 1] * beam.width_px / beam.length_px)
     contrast = float(min(np.median(side.separation[: sides.end]) for side in sides.projected))
     gain = float(strip.gain.mean())

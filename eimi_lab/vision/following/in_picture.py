@@ -7,17 +7,23 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eimi_lab.config.size_along import rows_of
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.intensity import full_scale
 
 
 def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBeam:
-    """Return the beam of the given length and width (mm) in pixels, at the clamp of the calibration."""
+    """Return the beam of the given length and width (mm) in pixels, at the clamp of the calibration.
+
+    A width that the specimen file gives as a table (`SizeAlong`) varies along the beam.
+    """
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     scale = float(np.linalg.norm(ahead - origin))
     angle = math.atan2(ahead[1] - origin[1], ahead[0] - origin[0])
-    return StatedBeam(origin, angle, width_mm * scale, length_mm * scale)
+    rows = np.array(rows_of(width_mm))
+    widths = rows / [length_mm, width_mm] if len(rows) else None
+    return StatedBeam(origin, angle, width_mm * scale, length_mm * scale, widths=widths)
 
 
 def in_255(image: ArrayLike) -> NDArray[np.float32]:

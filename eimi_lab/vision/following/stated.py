@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ class StatedBeam:
         Width and length of the beam.
     line : CentreLine, optional
         The centre line of the beam that is expected before the search.
+    widths : ndarray, shape (k, 2), optional
+        How the width varies along the beam: distance from the clamp as a share of the length, and width as a share of
+        `width_px`, which is then the mean width. None if the width is constant.
     """
 
     clamp_px: Array
@@ -34,6 +37,7 @@ class StatedBeam:
     width_px: float
     length_px: float
     line: CentreLine | None = None
+    widths: Array | None = None
 
     @property
     def clicked_px(self) -> float:
@@ -52,4 +56,10 @@ class StatedBeam:
         """
         clamp = (self.clamp_px - origin_px + 0.5) * factor - 0.5
         line = self.line and self.line.scaled(factor, origin_px)
-        return StatedBeam(clamp, self.axis_rad, self.width_px * factor, self.length_px * factor, line)
+        width, length = self.width_px * factor, self.length_px * factor
+        return replace(self, clamp_px=clamp, width_px=width, length_px=length, line=line)
+
+    def relative_width(self, along_px: Array | float) -> Array:
+        """Return the stated width at given distances from the clamp, px, as a share of the mean width."""
+        share = np.asarray(along_px) / self.length_px
+        return np.ones(share.shape) if self.widths is None else np.interp(share, *self.widths.T)

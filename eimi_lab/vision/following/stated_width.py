@@ -47,12 +47,13 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     Seams
         The edges. `Seams.shadow` contains the distance by which an edge was moved.
     """
-    if _wider(seams.edge, end) < _WIDER:
+    stated = unrolled.stated
+    if _wider(seams.edge / stated, end) < _WIDER:
         return seams
     best, best_support = seams, _LEAST_SUPPORT
     for row in (0, 1):
         expected = seams.edge.copy()
-        expected[row] = expected[1 - row] + OUTWARD[row]
+        expected[row] = expected[1 - row] + OUTWARD[row] * stated
         other = find_colour_seams(unrolled, expected, noise, _TOLERANCES)
         support = float(other.support[row, :end].mean())
         separation = float(np.median(other.projected[row].separation[:end]))
@@ -64,7 +65,7 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
         if (
             support > best_support
             and separation > _LEAST_SEPARATION
-            and abs(_wider(edge, end)) < _AS_STATED
+            and abs(_wider(edge / stated, end)) < _AS_STATED
             and float(np.median(inward[:end])) > 0.0
             and float(dark[:end].mean()) > 0.5
         ):

@@ -110,7 +110,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
     lever = round(_LEVER * unrolled.stations_in_width)
     for row in (0, 1):
         seam = unrolled.middle + edge[row][:, None] * unrolled.aside
-        width = np.where(sound[1 - row], edge[1] - edge[0], np.nan)
+        width = np.where(sound[1 - row], (edge[1] - edge[0]) / unrolled.stated, np.nan)
         sound[row] = _longest_chain(seam, width, sound[row], scale, lever)
     end = _end(unrolled.along, sound, length)
     sound[:, end:] = False

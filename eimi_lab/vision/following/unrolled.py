@@ -69,6 +69,8 @@ class UnrolledPicture:
         Vector across the beam whose length is one nominal width, px of the image.
     width : ndarray, shape (n,)
         Width of the strip at each station.
+    stated : ndarray, shape (n,)
+        Stated width of the beam at each station; 1 for a beam of constant width.
     inside : ndarray of bool, shape (n, m)
         Whether each sampled point lies in the image.
     """
@@ -79,6 +81,7 @@ class UnrolledPicture:
     middle: Array
     aside: Array
     width: Array
+    stated: Array
     inside: NDArray[np.bool_]
 
     @cached_property
@@ -144,6 +147,7 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
         middle=begin,
         aside=fine.to_picture(middle + wide * normal) - begin,
         width=width,
+        stated=fine.beam.relative_width((along - start) * wide),
         inside=inside,
     )
 
