@@ -21,6 +21,7 @@ containment       refusal of files that refer to other files, or whose data woul
 rewriting         safe change of a finished file: a copy is changed, and then replaces the file
 restating         correction of specimen and calibration after a run; the replaced files stay in the dataset
 segmentation      search for the edges of every state
+neighbouring_states  search again, beside the neighbours, in states in which the beam was not found
 logged_sensor     the classes `LoggedSensor` (a sensor) and `SensorLog` (the readings of a sensor)
 sensor_logs       the readings of the sensors in the file
 measured_heating  comparison of the measured coil temperature with the thermal model of the coil

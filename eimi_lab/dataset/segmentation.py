@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.dataset.moving.recorded_motion import recorded_motions
+from eimi_lab.dataset.neighbouring_states import is_reliable, search_beside_neighbours
 from eimi_lab.dataset.reading import Dataset, open_dataset
 from eimi_lab.dataset.stored_edges import write_edges
 from eimi_lab.process.errors import InputError
@@ -24,7 +25,7 @@ from eimi_lab.process.outputs import write_whole
 from eimi_lab.process.workers import completed
 from eimi_lab.process.writer_lock import only_writer
 from eimi_lab.vision.beam_frame import BeamFrame
-from eimi_lab.vision.check import Flag, Severity, leaves_out
+from eimi_lab.vision.check import Flag, Severity
 from eimi_lab.vision.edges.edge_set import EdgeSet, tip_angle_deg
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.edges.overlay import contact_sheet, draw_overlay
@@ -125,7 +126,7 @@ def _find_all(
                 if clicked is not None and state.index:
                     expected = clicked if last_reliable is None else last_reliable.middle_mm
                 edge_set = _edges_in(frames, state.index, projection, partial(_return, last_reliable), expected)
-            if _is_reliable(edge_set):
+            if is_reliable(edge_set):
                 last_reliable = edge_set
             edge_sets.append(edge_set)
             flags = state.flags + edge_set.flags
@@ -133,38 +134,17 @@ def _find_all(
                 f"{len(edge_set.left.sigma_mm)} points on the left edge and {len(edge_set.right.sigma_mm)} on the "
                 f"right, {_in_words(flags)}"
             )
-    _search_again_beside_others(frames, projection, edge_sets)
+
+    def search_again(index: int, guide: EdgeSet, *lines_mm: NDArray[np.float64]) -> EdgeSet:
+        return _edges_in(frames, index, projection, partial(_return, guide), *lines_mm)
+
+    search_beside_neighbours(edge_sets, search_again, frames.dataset.specimen.specimen.width_mm)
     return clamp_judged_when_straight(
         [
             replace(edge_set, flags=state.flags + edge_set.flags)
             for state, edge_set in zip(frames.dataset.states, edge_sets, strict=True)
         ]
     )
-
-
-def _search_again_beside_others(frames: Frames, projection: Projection | None, edge_sets: list[EdgeSet]) -> None:
-    """Search again for the beam in states (load steps) in which it was not found, with the help of neighbouring states.
-
-    The beam moves little from one state to the next. Therefore the middle line of the nearest reliable state is used as
-    the expected middle line: first that of the nearest earlier state, and then that of the nearest later state.
-
-    States before the first reliable state are also searched again if several bodies in the image may be the beam. The
-    body that is nearest to the beam in the next reliable state is then taken. ``edge_sets`` is changed in place.
-    """
-    states = range(len(edge_sets))
-    first_reliable = next((index for index in states if _is_reliable(edge_sets[index])), len(edge_sets))
-    for order in (states, reversed(states)):
-        guide: EdgeSet | None = None
-        for index in order:
-            before = edge_sets[index]
-            if _is_reliable(before):
-                guide = before
-            elif guide is not None and not len(before.middle_mm):
-                again = _edges_in(frames, index, projection, partial(_return, guide), guide.middle_mm)
-                if _is_reliable(again):
-                    edge_sets[index] = guide = again
-            elif guide is not None and index < first_reliable and not leaves_out(before.flags):
-                edge_sets[index] = _edges_in(frames, index, projection, partial(_return, guide))
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
@@ -302,6 +282,7 @@ def _edges_in(
     projection: Projection | None,
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: NDArray[np.float64] | None = None,
+    between_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
     """Find the edges in the mean image of a state (load step), within the region of interest of the calibration.
 
@@ -320,6 +301,8 @@ def _edges_in(
     expected_mm
         (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame (x along the
         straight beam from the clamp, y across); None if the line is unknown.
+    between_mm
+        (m, 2) the same of a second line if the beam lies between both lines.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
@@ -331,18 +314,9 @@ def _edges_in(
         projection=projection,
         earlier=earlier,
         expected_mm=expected_mm,
+        between_mm=between_mm,
     )
     return region.in_picture(edge_set) if region else edge_set
-
-
-def _is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether the edges of a state (load step) are reliable enough to guide the search in other states.
-
-    The edges must exist, must not be a guess between several bodies, and must have no flag (failed quality check) that
-    makes the state unusable.
-    """
-    guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
-    return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 
 
 def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:

@@ -15,7 +15,7 @@ from eimi_lab.vision.check import Severity, leaves_out
 from eimi_lab.vision.edges.back_lit import BackLitSearch
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
 from eimi_lab.vision.flags import judge
-from eimi_lab.vision.following.centre_line import CLICKED_PX, carried_line, clicked_line
+from eimi_lab.vision.following.centre_line import CLICKED_PX, carried_line, clicked_line, line_between
 from eimi_lab.vision.following.clicks import off_path, with_clicks
 from eimi_lab.vision.following.edge_points import StripEdges
 from eimi_lab.vision.following.follow import FollowedBeam, follow
@@ -43,6 +43,7 @@ def find_edges(
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: Array | None = None,
+    between_mm: Array | None = None,
 ) -> EdgeSet:
     """Find both edges of the beam in one image.
 
@@ -82,6 +83,9 @@ def find_edges(
     expected_mm : ndarray, shape (n, 2), optional
         The n points of the centre line of the beam in an earlier picture, from the clamp outward. The search then
         ignores the clicked points of the calibration.
+    between_mm : ndarray, shape (m, 2), optional
+        The m points of the centre line in a later picture. The beam is then expected between both lines, as surely as
+        if a person had clicked it there.
 
     Returns
     -------
@@ -126,6 +130,7 @@ def find_edges(
             projection=projection,
             earlier=earlier,
             expected_mm=expected_mm,
+            between_mm=between_mm,
         )
         followed_edges = _followed_edges(followed, search.frame, limits)
         if followed_edges is not None:
@@ -161,6 +166,7 @@ def follow_beam(
     projection: Projection | None = None,
     earlier: Callable[[], EdgeSet | None] | None = None,
     expected_mm: Array | None = None,
+    between_mm: Array | None = None,
 ) -> FollowedBeam:
     """Follow the beam from its clamp in one image, and keep the intermediate results.
 
@@ -169,7 +175,7 @@ def follow_beam(
 
     Parameters
     ----------
-    image, calibration, specimen_file, spacing_mm, projection, earlier, expected_mm
+    image, calibration, specimen_file, spacing_mm, projection, earlier, expected_mm, between_mm
         See `find_edges`.
 
     Returns
@@ -188,7 +194,8 @@ def follow_beam(
     stated = stated_beam(frame, beam.length_mm, beam.width_mm)
     clicks = _clicks(calibration)
     if expected_mm is not None:
-        stated = replace(stated, line=carried_line(frame.to_px(np.vstack([[0.0, 0.0], expected_mm]))))
+        lines = [frame.to_px(np.vstack([[0.0, 0.0], line])) for line in (expected_mm, between_mm) if line is not None]
+        stated = replace(stated, line=line_between(*lines) if between_mm is not None else carried_line(lines[0]))
         clicks = None
     elif clicks is not None:
         stated = replace(stated, line=clicked_line(stated.clamp_px, stated.ahead, clicks))

@@ -153,6 +153,30 @@ def carried_line(middle_px: Array) -> CentreLine:
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
 
+def line_between(first_px: Array, second_px: Array) -> CentreLine:
+    """Return the expected centre line of a beam that lies between the centre lines of two other pictures.
+
+    Parameters
+    ----------
+    first_px, second_px : ndarray, shape (n, 2) and (m, 2)
+        Points of the two centre lines from the clamp outward, px.
+
+    Returns
+    -------
+    CentreLine
+        The mean of both lines. Up to the ends of both lines, the beam is expected there as surely as on a clicked line.
+    """
+    lines = [_line(points, np.zeros(len(points)), 0.0, 0.0) for points in (first_px, second_px)]
+    length = min(line.length_px for line in lines)
+    even = np.linspace(0.0, length, _SAMPLES)
+    first, second = (
+        np.column_stack([np.interp(even, np.linspace(0.0, line.length_px, _SAMPLES), axis) for axis in line.points.T])
+        for line in lines
+    )
+    free_px = CLICKED_PX + 0.5 * np.linalg.norm(second - first, axis=1)
+    return _line(0.5 * (first + second), free_px, _CLICKED_EVIDENCE, _CLICKED_COST)
+
+
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
     """Return the clamp, followed by the clicked points, but without the first points within 20 px of the clamp.
 

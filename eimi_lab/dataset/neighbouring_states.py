@@ -1,0 +1,98 @@
+"""Search again for the beam in states in which it was not found, with the help of neighbouring states.
+
+The beam moves little from one state (load step) to the next.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_lab.vision.check import leaves_out
+from eimi_lab.vision.edges.edge_set import EdgeSet
+
+Array = NDArray[np.float64]
+
+
+class SearchAgain(Protocol):
+    """Function that finds the edges in a state with the help of another state."""
+
+    def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
+        """Return the edges of the state with the given index.
+
+        guide: edges of another state, which decide between several bodies. lines_mm: no middle line, or the middle line
+        at which the beam is expected, or two lines between which it is expected; (n, 2) x and y in mm.
+        """
+
+
+def search_beside_neighbours(edge_sets: list[EdgeSet], search_again: SearchAgain, width_mm: float) -> None:
+    """Search again for the beam in states (load steps) in which it was not found, with the help of neighbouring states.
+
+    The middle line of the nearest reliable state is used as the expected middle line: first that of the nearest earlier
+    state, and then that of the nearest later state. If neither helps, the beam is expected between these two lines, and
+    is accepted there only.
+
+    States before the first reliable state are also searched again if several bodies in the image may be the beam. The
+    body that is nearest to the beam in the next reliable state is then taken.
+
+    Parameters
+    ----------
+    edge_sets : list of EdgeSet
+        The edges of each state. They are changed in place.
+    search_again : callable
+        Function that finds the edges in one state.
+    width_mm : float
+        Width of the beam.
+    """
+    states = range(len(edge_sets))
+    first_reliable = next((index for index in states if is_reliable(edge_sets[index])), len(edge_sets))
+    for order in (states, reversed(states)):
+        guide: EdgeSet | None = None
+        for index in order:
+            before = edge_sets[index]
+            if is_reliable(before):
+                guide = before
+            elif guide is not None and not len(before.middle_mm):
+                again = search_again(index, guide, guide.middle_mm)
+                if is_reliable(again):
+                    edge_sets[index] = guide = again
+            elif guide is not None and index < first_reliable and not leaves_out(before.flags):
+                edge_sets[index] = search_again(index, guide)
+    for index in states:
+        if len(edge_sets[index].middle_mm) and not leaves_out(edge_sets[index].flags):
+            continue
+        earlier = next((one for one in reversed(edge_sets[:index]) if is_reliable(one)), None)
+        later = next((one for one in edge_sets[index + 1 :] if is_reliable(one)), None)
+        if earlier is not None and later is not None:
+            lines = earlier.middle_mm, later.middle_mm
+            again = search_again(index, earlier, *lines)
+            if is_reliable(again) and _lies_between(again.middle_mm, *lines, width_mm):
+                edge_sets[index] = again
+
+
+def is_reliable(edge_set: EdgeSet) -> bool:
+    """Return whether the edges of a state (load step) are reliable enough to guide the search in other states.
+
+    The edges must exist, must not be a guess between several bodies, and must have no flag (failed quality check) that
+    makes the state unusable.
+    """
+    guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
+    return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
+
+
+def _lies_between(middle_mm: Array, earlier_mm: Array, later_mm: Array, width_mm: float) -> bool:
+    """Return whether a middle line lies between two others, within half of the beam's width.
+
+    Each line is given by its points (x, y) in mm, of shape (n, 2). The sum of the distances of a point from the two
+    lines may exceed the largest distance between the lines by half of the width.
+    """
+    to_earlier, to_later = (_distances(middle_mm, line) for line in (earlier_mm, later_mm))
+    apart = _distances(earlier_mm, later_mm).max()
+    return bool((to_earlier + to_later).max() < apart + 0.5 * width_mm)
+
+
+def _distances(points: Array, line: Array) -> Array:
+    """Return the distances of n points from the nearest of m points of a line, shape (n,)."""
+    return np.asarray(np.linalg.norm(points[:, None] - line, axis=2).min(axis=1))
