@@ -216,8 +216,7 @@ def _swing_in_words(swinging: ModalFit, label: str) -> str:
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
     """Return the warning (doubt) about a ring-down (a free vibration) of which only some time windows are used.
 
-    windows: all windows; used: the used windows; label: where the recording comes from; hangs: whether a weight hangs
-    from the beam.
+    windows: all windows; used: those used; label: name of the recording; hangs: whether a weight hangs from the beam.
     """
     first, last = windows[used.start], windows[used.stop - 1]
     if hangs:
@@ -335,8 +334,7 @@ def _segment(
     """Return start and end in s of the part of a ring-down that is fitted, and warnings about the frames left out.
 
     In this part the beam vibrates freely: it is not pushed again, and its amplitude is below 5 % of its length.
-    frequency: frequency of the vibration in Hz; length_mm: length of the beam; is_stepped: whether a known step of the
-    load begins the motion at the time 0.
+    frequency: frequency in Hz; length_mm: length of the beam; is_stepped: whether a load step starts the vibration.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
