@@ -203,7 +203,7 @@ def with_measured_coil(calibration: Calibration, measured: CoilCalibration, toda
     calibration : Calibration
         The calibration of the rig.
     measured : CoilCalibration
-        The result of `calibrate_coil`.
+        The measured field of the coil.
     today : date
         The day of the measurement.
 

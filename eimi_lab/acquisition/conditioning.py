@@ -72,7 +72,7 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
     """Yield how far the load cycles changed the shape of the beam, once for the loaded and once for the unloaded beam.
 
-    `shapes` contains the frames that `condition` took at each current, each with the number of its load cycle. For each
+    `shapes` contains frames of the beam at rest, each with the number of the load cycle in which it was taken. For each
     current, the first and the last frame are compared. The change is the distance between the two positions of the
     beam's tip. If the tip is not visible in one of the two frames, the change is instead the difference of the two
     images.

@@ -365,8 +365,7 @@ def main(ward: str, events: str | None = None) -> None:
     ward : str
         The fields of a `Ward` (driver, address and limits of the supply) as JSON.
     events : str or None
-        Name of the file descriptor to which the events are written (`pipes.received`); None if no program reads the
-        events.
+        Text by which this process finds the file descriptor for its events; None if no program reads the events.
     """
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))

@@ -132,7 +132,9 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 
 
 class _Recorded:
-    """A recording of the freely swinging beam in progress: the step of the current to zero, and the frames.
+    """The recording of one ring-down, while it is made: the step of the current to zero, and the frames.
+
+    In a ring-down, the beam swings freely.
 
     `frames` contains each frame with its time of arrival, s. The images are written to the file at once and are not
     kept in memory.

@@ -202,8 +202,8 @@ def switching_off(
     guardian : Guardian or None
         The connection to the guardian; None for a simulated supply.
     interruption : Interruption or None
-        Passes the calls of the instruments and of the writer of the dataset to this run, so that a signal can end their
-        long operations.
+        Lets a signal end long operations early. The instruments and the writer of the dataset call its methods during
+        such operations.
     on_event : OnEvent
         Receives the events (records of what happened) of signals and of switching off.
 

@@ -118,7 +118,8 @@ class Progress:
     coil : str
         "off", "on", "switching off" (from STOP to the event with the result) or "unknown".
     off_by : str
-        How the coil was confirmed off, "measured" or "commanded"; empty if it is not confirmed.
+        How the coil was confirmed off: "measured" by a measured current, or "commanded" only by the settings that the
+        supply reports. Empty if the coil is not confirmed off.
     coil_A : float or None
         The current that was measured when the coil was switched off, A; None if no current was measured.
     left_s : float or None
@@ -126,11 +127,11 @@ class Progress:
     stopped : bool
         Whether a person ended the run with STOP or with "End with a ramp down".
     last_words : str
-        The last line of the run on standard error, with the instructions for the page.
+        The last line of the run on standard error. Instructions for a terminal are replaced by those for the page.
     said : deque of str
         Sentences about the last events of the run.
 
-    The other attributes are copies of the fields of the events of the run (`eimi_lab.acquisition.events`).
+    The other attributes have the values that the last events of the run reported (`eimi_lab.acquisition.events`).
     """
 
     number: int

@@ -224,7 +224,7 @@ def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
     Parameters
     ----------
     path : Path
-        The folder with the images and with calibration.toml and states.csv, which `saved` writes.
+        The folder with the images, calibration.toml and states.csv.
     specimen : str
         The specimen file.
     target : Path

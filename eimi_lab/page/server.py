@@ -74,7 +74,7 @@ class Page:
             Route("/api/dataset/picture", self._picture),
             Route("/api/dataset/edges", self._edges),
             Route("/api/dataset/modulus", self._modulus),
-            Route("/api/figures", self._figures),
+            Route("/api/figures", self._delays),
             Route(REPORT, self._report),
             *self.desk.routes(),
             *self.pictures.routes(),
@@ -113,7 +113,7 @@ class Page:
     async def _modulus(self, request: Request) -> Response:
         return JSONResponse(await self.worker.do(stored_runs.modulus, self._file(request), _number(request, "states")))
 
-    async def _figures(self, request: Request) -> Response:
+    async def _delays(self, request: Request) -> Response:
         """Answer with the delays of the last frames: the times (s) from their arrival at the run to their display."""
         return JSONResponse({"frame_to_screen_s": list(self.tabs.ages_s)})
 

@@ -121,8 +121,7 @@ def give_way(steps: int) -> None:
     """Lower the priority of this process.
 
     Linux may share the processor time first among sessions (autogroup, sched(7)). A nice value then has an effect only
-    within a session. If this process leads a session (`detached`), the priority of the session is therefore lowered
-    too.
+    within a session. If this process is the leader of a session, the priority of the session is therefore lowered too.
 
     Parameters
     ----------

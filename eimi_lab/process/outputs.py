@@ -81,7 +81,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If the file cannot be created (`refuse_existing`), or if another program writes to it.
+        If the file exists and ``force`` is false, if it cannot be created, or if another program writes to it.
     OSError
         If writing fails. The error names ``path``.
     """
@@ -145,7 +145,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If the folder cannot be used (`new_folder`).
+        If the folder contains files and ``force`` is false, or if it cannot be created.
     OSError
         If writing fails. The error names the file in ``folder``.
     """

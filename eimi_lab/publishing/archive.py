@@ -77,8 +77,9 @@ def publish(
     Raises
     ------
     InputError
-        If a file cannot be published (`gather`), if the name of the archive has another ending, or if the licence is
-        neither an SPDX identifier nor a URL.
+        If a file does not exist, cannot be read or is a dataset that is still being written; if two files have the same
+        path in the archive; if the name of the archive has another ending; or if the licence is neither an SPDX
+        identifier nor a URL.
     OSError
         If a file changed while the archive was written, or if the disk is full.
     """

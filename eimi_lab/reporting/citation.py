@@ -1,4 +1,4 @@
-"""The references that a user of the suite should cite; CITATION.cff contains the same references."""
+"""The references that a user of eimi-lab should cite. CITATION.cff contains the same references."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SUITE = Citation(
 
 
 def bibtex() -> str:
-    """Return the references for the method and for the suite in BibTeX."""
+    """Return the references for the method and for eimi-lab in BibTeX."""
     journal, _, number = METHOD.where.rpartition(" ")
     volume, _, article = number.partition(":")
     return (

@@ -328,7 +328,7 @@ class AravisCamera:
         Parameters
         ----------
         buffer : int
-            The address of a buffer that `_popped` returned.
+            The address of a buffer with a received frame.
 
         Returns
         -------

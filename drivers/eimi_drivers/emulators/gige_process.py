@@ -62,12 +62,12 @@ def gige_process(
     Parameters
     ----------
     prepare : callable
-        A function that is called in the new process and returns the function `picture` of `serve_gige`. `prepare` must
-        be picklable.
+        A picklable function that is called once in the new process. It returns a second function, which is called at
+        each exposure and returns the picture of the whole sensor, shape (height, width).
     size_px : tuple of int
         Width and height of the sensor, px.
     **camera
-        The other arguments of `serve_gige`.
+        Further properties of the camera: the keyword arguments of `serve_gige`.
 
     Raises
     ------

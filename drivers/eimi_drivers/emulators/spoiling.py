@@ -1,4 +1,4 @@
-"""Begin and end the faults of an emulated supply, of its coil and of the connection to it (its line)."""
+"""Begin and end the faults of an emulated supply, of its coil, and of its line (the connection to the supply)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OTHER_SERIAL_NUMBER = "ANOTHER1"
 
 
 def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrument) -> None:
-    """Begin a fault of an emulated supply, of its coil or of the connection to it (its line).
+    """Begin a fault of an emulated supply, of its coil, or of its line (the connection to the supply).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 
 
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
-    """End the present faults of an emulated supply, of its coil and of the connection to it (its line).
+    """End the present faults of an emulated supply, of its coil, and of its line (the connection to the supply).
 
     The fault SWAP replaces the supply by another supply. The other supply continues to answer.
     """

@@ -21,7 +21,7 @@ _Value = TypeVar("_Value")
 
 
 class Interruptions:
-    """The function that `open_supply` calls between two messages, in a wrapper that remembers its error.
+    """Wrapper of the function that is called between two messages; the wrapper stores the error of the function.
 
     The function may raise an error in order to interrupt a call of the supply. The error then passes through the driver
     of another package. With `raised`, the caller can distinguish it from an error of the driver.

@@ -79,10 +79,25 @@ def measured_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, n
 
 
 def confirmed_off(measure: Callable[[], Reading], limit_A: float, clock: Clock, name: str) -> Off:
-    """Measure the current as `measured_off` does, after a supply was switched off and its settings were verified.
+    """Measure the current of a supply that was switched off, until its magnitude is at most `limit_A`.
 
-    A measurement that fails is repeated, up to `MEASURING_ATTEMPTS` measurements in all. The parameters are the same as
-    for `measured_off`.
+    If the supply does not answer, the measurement is begun again, up to `MEASURING_ATTEMPTS` times in all.
+
+    Parameters
+    ----------
+    measure : callable
+        Measures the output.
+    limit_A : float
+        The largest current with which the supply counts as off, A.
+    clock : Clock
+        The clock of the supply.
+    name : str
+        The address of the supply, for the message.
+
+    Returns
+    -------
+    Off
+        The last measured current and the limit.
 
     Raises
     ------

@@ -77,10 +77,10 @@ class Profile:
         Message that selects the channel, which is sent before every message that concerns a channel. Empty if each
         message contains the channel, or if the family has one channel.
     modes : tuple of (str, str, str)
-        Settings that give the set-points their meaning, such as constant current. Each entry has three parts: a query,
-        the beginning of the right answer (alternatives are separated by ``|``), and the command that corrects the
-        setting. The query is sent before every set-point except a current of zero. The command is sent if the answer is
-        wrong.
+        Modes in which the supply must be, so that its set-points are the voltage and the current of the coil, such as
+        constant current. Each entry has three parts: a query, the beginning of the right answer (alternatives are
+        separated by ``|``), and the command that selects the mode. The query is sent before every set-point except a
+        current of zero. The command is sent if the answer is wrong.
     set_voltage, set_current : str
         The commands that set the voltage (V) and the current (A).
     voltage_set, current_set : str

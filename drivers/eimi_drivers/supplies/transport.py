@@ -30,8 +30,8 @@ _sharing = False
 def share_ports() -> None:
     """Let this process open ports that another process has locked.
 
-    The guardian process calls this function before it switches a supply off. The run that it replaces no longer
-    responds, but may still have the port locked.
+    The guardian, the process that switches a supply off if a run stands still, calls this function before it does so.
+    The run no longer responds, but may still have the port locked.
     """
     global _sharing
     _sharing = True

@@ -12,7 +12,7 @@ laws                    parameters, misfit and largest stretch of each fit, and 
 uncertainty_budget      the contribution of each source of uncertainty to the interval
 causes_of_all_fits      causes of the residuals of the fits that the first pages do not show
 law_of_time             viscoelastic (Prony) law: ring-downs, the modulus against time, and creep
-parameter_correlation   correlation of the errors of the unknowns of a fit
+parameter_correlation   correlations between the errors of the fitted unknowns
 stress_strain           stress against strain of each law
 error_boxes             errors of the states, by law and specimen
 every_fit               the mean error of each fit on each specimen

@@ -93,7 +93,7 @@ PANEL = ReportPanel(
     title="Methods and references",
     template="""
 <p>{{ paragraph }}</p>
-<p class="note">References for the method and for the suite:</p>
+<p class="note">References for the method and for eimi-lab:</p>
 <ul><li>{{ method.text }}</li><li>{{ suite.text }}</li></ul>
 <pre>{{ bibtex }}</pre>
 """,
