@@ -37,8 +37,8 @@ def stated_by_rig(text: str, origin: str, coil_constant_mT_per_A: float) -> tupl
     Returns
     -------
     tuple of StatedSource
-        The standard uncertainty of the field (mT), with the name of the supply. The error of a supply is common to all
-        datasets with this name. Empty if the file has no table [uncertainty].
+        The standard uncertainty of the field (mT), with a name for the supply, which causes the error. The error is the
+        same in all datasets that were measured with this supply. Empty if the file has no table [uncertainty].
 
     Raises
     ------

@@ -250,9 +250,9 @@ class SpecimenFile(Document):
     def stated_sources(self) -> tuple[StatedSource, ...]:
         """Return the standard uncertainties in the table [uncertainty] of the specimen file, in the form for a fit.
 
-        Each `StatedSource` contains the uncertainty of one quantity, and the name of what causes the error. Datasets
-        with the same name have the same error: all datasets of this specimen, and for lengths all datasets whose
-        specimens were measured with the same instrument (`measured_with`).
+        Each `StatedSource` contains the uncertainty of one quantity, and a name for the cause of its error. The error
+        of a cause is the same in all datasets. The cause is this specimen; for lengths it is the instrument with which
+        they were measured (`measured_with`), if the file gives the instrument.
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with

@@ -51,7 +51,7 @@ class Validations:
         return ValidationFile(validations=tuple(self)).model_dump(mode="json")
 
     def residuals(self, index: int = 0) -> Residuals:
-        """Return the distances (mm) of the measured points of one prediction from the simulated beam.
+        """Return, for one prediction, the distances (mm) of the measured points from the simulated beam.
 
         ``index`` is the position of the prediction in this object, counted from 0.
         """

@@ -83,9 +83,9 @@ def _in_order(path: Path) -> list[Path]:
 
 
 def _guess(width: int, height: int) -> dict[str, Any]:
-    """Return a first calibration for a person to drag into place.
+    """Return a first guess of a calibration, whose marks a person then drags into place in the image.
 
-    The calibration suits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
+    The guess suits a beam that hangs from the upper part of an image of ``width`` by ``height`` pixels.
     """
     return {
         "pixels_per_mm": round(height / 60.0, 3),

@@ -44,7 +44,7 @@ LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
 
 
 def detached() -> dict[str, Any]:
-    """Return the options of `subprocess.Popen` that start a Python process without signals from the terminal.
+    """Return the options of `subprocess.Popen` for a Python process that signals of the terminal do not reach.
 
     POSIX: the process has a separate session (setsid(2)). Ctrl-C and the hang-up of the terminal do not reach the
     process.

@@ -90,7 +90,10 @@ class Table:
     notes: Sequence[str | Markup] = ()
 
     def texts(self) -> list[list[str]]:
-        """Return the rows of a table as plain text; a value marked "held" is followed by "(not measured)"."""
+        """Return the rows of a table as plain text.
+
+        A value that the data do not determine (with the mark "held") is followed by "(not measured)".
+        """
         return [[_text(cell) for cell in row] for row in self.rows]
 
     def to_csv(self) -> str:

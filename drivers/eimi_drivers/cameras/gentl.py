@@ -152,7 +152,7 @@ class GenTLCamera:
         raise InstrumentDisconnected(f"no camera has this serial number; attached cameras: {listed}")
 
     def _node(self, *names: str) -> Any:
-        """Return the first GenICam feature in `names` that the camera has and lets read; None if there is none.
+        """Return the first GenICam feature in `names` that the camera has and that can be read; None if there is none.
 
         Cameras of different makers have different names for the same feature.
         """

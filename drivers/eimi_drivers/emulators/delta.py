@@ -66,7 +66,7 @@ class DeltaPscEthDialect(ScpiDialect):
         }
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog, and return the answers to the messages."""
+        """Receive bytes, restart the watchdog (the timer that switches off), and return the answers to the messages."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)

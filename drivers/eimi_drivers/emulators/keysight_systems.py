@@ -41,7 +41,7 @@ class _KeysightWatchdog(ScpiDialect):
         self.commands["OUTP:PROT:WDOG:DEL"] = lambda argument: self.watchdog.set_seconds(number(argument), 1, 3600)
 
     def receive(self, data: bytes) -> bytes:
-        """Receive bytes, restart the watchdog, and return the answers to the messages."""
+        """Receive bytes, restart the watchdog (the timer that switches off), and return the answers to the messages."""
         self.watch()
         self.watchdog.restart()
         return super().receive(data)

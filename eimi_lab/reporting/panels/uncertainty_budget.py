@@ -25,7 +25,7 @@ _MOST = 8  # sources with a bar each; the others share a bar
 
 
 def shares(fit: FitRecord) -> list[tuple[str, float]]:
-    """Return the contributions to the uncertainty of the modulus: name, and standard deviation in per cent.
+    """Return the contributions to the uncertainty of the modulus: name, and standard deviation in % of the modulus.
 
     Each large source of uncertainty has an entry. One entry combines the smaller sources (root sum of squares). The
     last entry is the contribution of noise and mesh.
