@@ -41,6 +41,8 @@ class Entry:
     like : tuple of str
         Names of the causes that the data cannot distinguish from this one, because they change the residuals in nearly
         the same way. A cause and its ``like`` form a class.
+    is_within_stated : bool
+        Whether the value is a deviation of an input within its stated uncertainty.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Entry:
     value: float
     shift_percent: float
     like: tuple[str, ...]
+    is_within_stated: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,9 @@ class Ranked:
             percent(modulus.interval_95_fit or modulus.interval_95),
             next((doubt.modulus_percent for doubt in fit.doubts if doubt.modulus_percent), None),
             len(fit.doubts),
-            tuple(Entry(c.name, c.probability, c.value, c.shift_percent, c.like) for c in fit.causes),
+            tuple(
+                Entry(c.name, c.probability, c.value, c.shift_percent, c.like, c.is_within_stated) for c in fit.causes
+            ),
         )
 
     def as_json(self) -> str:

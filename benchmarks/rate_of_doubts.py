@@ -9,7 +9,8 @@ files of the bench example give. The edges have white noise; no pictures are ren
 values and their uncertainties, and it measures the shape at rest, as `eimi fit` does.
 
 The files are right, so that every doubt is a false alarm. A cause that a doubt names can still be present, because the
-inputs deviate within their uncertainties.
+inputs deviate within their uncertainties. A named cause counts as right if it is a drawn input, and its value has the
+sign of the drawn deviation and at most twice its size.
 
 --exact         Every input has its nominal value.
 --one-polarity  Eight increasing fields of one polarity (sign) replace the 13 fields of both polarities.
@@ -19,22 +20,27 @@ inputs deviate within their uncertainties.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.imperfect_rigs import BOTH_MT, FIELD_MT, MODULUS_PA, Imperfection, bent, measured
+from benchmarks.imperfect_rigs import BOTH_MT, FIELD_MT, MODULUS_PA, STATED, Imperfection, bent, measured
 from benchmarks.ranked_causes import Ranked
 from eimi_fitting.inference.doubts.causes import NONE
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.sources import loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.measured_rest_shape import measured_rest_shape
 from tests.shared.virtual_measurements import deviations_drawn, stated
 
-_NAMED = 0.5  # probability from which a cause counts as named
+Array = NDArray[np.float64]
+
+_NAMED = 0.9  # probability from which a cause counts as named
+_NEGLIGIBLE = 0.3  # error of the value of a cause that is right in any case, in usual sizes of the cause
 
 
 def drawn_bench(seed: int) -> Imperfection:
@@ -42,7 +48,7 @@ def drawn_bench(seed: int) -> Imperfection:
 
     The deviations are drawn with the uncertainties that the files state.
     """
-    deviations = deviations_drawn(np.random.default_rng([seed, 29]), stated())
+    deviations = _deviations(seed)
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     return Imperfection(
         NONE,
@@ -53,6 +59,10 @@ def drawn_bench(seed: int) -> Imperfection:
         ),
         setup.imaged,
     )
+
+
+def _deviations(seed: int) -> dict[str, Array]:
+    return deviations_drawn(np.random.default_rng([seed, 29]), stated())
 
 
 def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
@@ -76,20 +86,62 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
     return Ranked.of(fit, NONE, seed, "measured" if shape else "straight", MODULUS_PA)
 
 
-def counts(results: Sequence[Ranked]) -> str:
-    """Return four lines of text, each with a number of fits.
-
-    The lines count the fits with a cause whose probability is above `_NAMED`, with a doubt that names a cause, with any
-    doubt, and with a 95 % interval that contains the true modulus.
-    """
-    named = sum(any(e.probability > _NAMED and e.name != NONE for e in one.causes) for one in results)
-    lines = {
-        f"name a cause with more than {_NAMED:g}": named,
-        "have a doubt that names a cause": sum(one.doubted_percent is not None for one in results),
-        "have any doubt": sum(one.doubts > 0 for one in results),
-        "have an interval that holds the truth": sum(one.holds for one in results),
+def drawn_values(seed: int) -> dict[str, float]:
+    """Return the drawn deviations in the units of the causes, by the name of the cause."""
+    drawn = {key: float(values[-1]) for key, values in _deviations(seed).items()}
+    magnet = STATED.mechanics().magnet
+    assert magnet is not None
+    lengths = {"length": magnet.length_mm, "width": magnet.width_mm, "depth": magnet.depth_mm}
+    shares = sum(drawn[f"magnet-{name}"] / length for name, length in lengths.items())
+    between_deg = drawn["magnetisation-angle"] - drawn["field"]  # alone, neither direction bends the beam differently
+    return {
+        "moment": drawn["remanence"] / magnet.remanence_T + drawn["coil"] + shares,
+        "background_field": drawn["offset"],
+        "magnetisation_angle": between_deg,
+        "field_direction": -between_deg,
+        "width": drawn["width"],
+        "scale": drawn["scale"],
+        "clamp_angle": drawn["axis"],
     }
-    return "\n".join(f"{count} of {len(results)} {words}" for words, count in lines.items())
+
+
+def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
+    """Return the named causes of a fit that are not right.
+
+    ``values`` has the drawn deviations by the name of the cause.
+    """
+    names = []
+    for entry in one.causes:
+        if entry.probability > _NAMED and entry.name != NONE:
+            true = values.get(entry.name, 0.0)
+            usual = next(cause.sizes[0] for cause in POSSIBLE_CAUSES if cause.name == entry.name)
+            if abs(entry.value - true) > max(abs(true), _NEGLIGIBLE * usual):
+                names.append(entry.name)
+    return names
+
+
+def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
+    """Return lines of text with numbers of fits, for example of fits that name a cause.
+
+    ``values`` has the drawn deviations of each fit by the name of the cause.
+    """
+
+    def has(one: Ranked, is_within_stated: bool) -> bool:
+        return any(
+            e.probability > _NAMED and e.name != NONE and e.is_within_stated is is_within_stated for e in one.causes
+        )
+
+    lines = {
+        f"name a deviation within its stated uncertainty with more than {_NAMED:g}": [has(o, True) for o in results],
+        f"name a cause beyond the stated uncertainties with more than {_NAMED:g}": [has(o, False) for o in results],
+        f"name a wrong cause with more than {_NAMED:g}": [
+            bool(wrong(one, of_one)) for one, of_one in zip(results, values, strict=True)
+        ],
+        "have a doubt that names a cause": [one.doubted_percent is not None for one in results],
+        "have any doubt": [one.doubts > 0 for one in results],
+        "have an interval that holds the truth": [one.holds for one in results],
+    }
+    return "\n".join(f"{sum(flags)} of {len(results)} {words}" for words, flags in lines.items())
 
 
 def main() -> None:
@@ -101,14 +153,15 @@ def main() -> None:
     parser.add_argument("--one-polarity", action="store_true", help="use increasing fields of one polarity")
     parser.add_argument("--record", type=Path, metavar="FILE", help="append one line of JSON for each fit to a file")
     asked = parser.parse_args()
-    results = []
+    results, values = [], []
     for seed in range(asked.seed, asked.seed + asked.experiments):
         results.append(fitted(seed, asked.exact, asked.one_polarity))
+        values.append({} if asked.exact else drawn_values(seed))
         print(f"{results[-1].in_words()}; {results[-1].doubts} doubts", flush=True)
         if asked.record:
             with asked.record.open("a", encoding="utf-8") as file:
                 file.write(results[-1].as_json() + "\n")
-    print(counts(results))
+    print(counts(results, values))
 
 
 if __name__ == "__main__":

@@ -54,10 +54,12 @@ def cause_lines(fit: FitRecord) -> list[str]:
 
     Residuals are the distances of measured from simulated points. The list is empty if no causes were compared.
     """
+    within = "within the stated uncertainty, "
     words = [
         "no listed cause"
         if cause.name == NONE
-        else f"{cause.name} {signed(cause.value, cause.unit)} (changes the modulus by {cause.shift_percent:+.2g} %)"
+        else f"{cause.name} {signed(cause.value, cause.unit)} ({within * cause.is_within_stated}changes the modulus by "
+        f"{cause.shift_percent:+.2g} %)"
         for cause in fit.causes[:2]
     ]
     shown = [f"{w}, probability {c.probability:.2g}" for w, c in zip(words, fit.causes, strict=False)]

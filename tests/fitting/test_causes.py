@@ -23,10 +23,11 @@ from eimi_fitting.inference.doubts.cause_doubts import rivals
 from eimi_fitting.inference.doubts.causes import NONE, Cause
 from eimi_fitting.inference.doubts.collinear_causes import classes, shared_equally
 from eimi_fitting.inference.doubts.marginal_likelihood import weigh
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, Assumed, PossibleCause
+from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
-from eimi_fitting.inference.evidence.sources import StatedSource
+from eimi_fitting.inference.evidence.sources import StatedSource, loads_under, specimen_under
 from eimi_fitting.inference.evidence.unknowns import Setup
 from eimi_fitting.inference.fit import Fit
 from eimi_fitting.inference.identification import identify
@@ -215,11 +216,14 @@ def test_collinear_causes_share_their_probability_and_others_do_not():
     assert sorted(groups) == [(0, 1), (2,), (3,)]
     hypotheses = [(), (0,), (1,), (2,), (3,), (0, 2), (1, 2), (0, 1)]
     score = rng.normal(size=8)
-    shared = shared_equally(score, hypotheses, groups)
+    is_uncertain = np.array([False] * 8)
+    shared = shared_equally(score, hypotheses, is_uncertain, groups)
     assert np.logaddexp.reduce(shared) == pytest.approx(np.logaddexp.reduce(score))
     assert shared[1] == shared[2]
     assert shared[5] == shared[6]
     assert shared[[0, 3, 4, 7]] == pytest.approx(score[[0, 3, 4, 7]])
+    is_uncertain[2] = True  # the inputs of this hypothesis deviate, those of the other ones do not
+    assert shared_equally(score, hypotheses, is_uncertain, groups)[:4] == pytest.approx(score[:4])
 
 
 @given(seed=st.integers(0, 10_000), true=st.integers(0, 4), size=st.floats(0.5, 3.0))
@@ -243,6 +247,72 @@ def test_the_evidence_is_the_normal_density_of_the_residuals():
     covariance = np.diag(noise) + columns.T @ columns
     expected = -0.5 * (y[0] @ np.linalg.solve(covariance, y[0]) + np.linalg.slogdet(covariance)[1])
     assert posterior.log_evidence[0] == pytest.approx(expected)
+
+
+def _turned_field(degrees: float) -> Loads:
+    return loads_under(LOADS, {"field": np.array([degrees])})
+
+
+# The direction of magnetisation is exact, so that it does not explain a wrong direction of the field.
+_EXACT = StatedSource("magnetisation-angle", 0.0, "specimen")
+
+
+def test_a_direction_of_the_field_within_its_stated_uncertainty_is_no_error_of_the_bench():
+    stated = (_EXACT, StatedSource("field", 0.5, "calibration"), StatedSource("width", 0.02, "specimen"))
+    fit = fit_of(loads=_turned_field(0.5), stated=stated)
+    assert [cause.name for cause in fit.causes if cause.probability > 0.1 and cause.name != NONE] in (
+        [],
+        ["field_direction"],
+    )
+    assert all(cause.is_within_stated for cause in fit.causes if cause.name == "field_direction")
+    assert fit.doubts == ()
+
+
+def test_a_direction_of_the_field_that_no_file_states_is_the_cause():
+    fit = fit_of(loads=_turned_field(3.0), stated=(_EXACT,))
+    first, second = fit.causes[:2]
+    assert {first.name, second.name} == {"field_direction", "magnetisation_angle"}
+    assert first.like == (second.name,)
+    assert {cause.name: cause.value for cause in (first, second)} == {
+        "field_direction": pytest.approx(3.0, rel=0.1),
+        "magnetisation_angle": pytest.approx(-3.0, rel=0.1),
+    }
+    (doubt,) = (doubt for doubt in fit.doubts if doubt.kind == "cause")
+    assert "cannot be told apart" in doubt.words
+
+
+def test_several_deviations_within_their_stated_uncertainties_are_no_wrong_cause():
+    # Together they look like other errors if at most two of them are allowed.
+    deviations = {
+        "width": np.array([0.02]),
+        "remanence": np.array([-0.02]),
+        "offset": np.array([0.02]),
+        "axis": np.array([0.1]),
+        "field": np.array([0.5]),
+        "clamp": np.array([0.02, -0.02]),
+    }
+    stated = tuple(StatedSource(source, float(abs(value[0])), "bench") for source, value in deviations.items())
+    seen = Setup.of([("axis", 0, 0.1), ("clamp", 0, 0.02), ("clamp", 1, -0.02)], 1)
+    loads = loads_under(LOADS, deviations)
+    fit = fit_of(specimen_under(BEAM, deviations), loads, seen, stated=(*stated, _EXACT))
+    named = {cause.name: cause.value for cause in fit.causes if cause.probability > 0.9 and cause.name != NONE}
+    true = {"width": 0.02, "moment": -0.02 / 1.2, "background_field": 0.02, "field_direction": 0.5, "clamp_angle": 0.1}
+    for name, value in named.items():
+        assert value == pytest.approx(true.get(name, 0.0), rel=0.5)
+    assert all(cause.is_within_stated for cause in fit.causes if cause.name in named)
+    assert [doubt for doubt in fit.doubts if doubt.kind in ("cause", "beyond_noise")] == []
+
+
+def test_evidence_and_means_do_not_depend_on_which_coefficients_are_common():
+    rng = np.random.default_rng(3)
+    columns = np.concatenate([rng.normal(size=(5, 30)), np.zeros((1, 30))])
+    noise, error = rng.uniform(0.5, 2.0, 30), rng.uniform(0.5, 2.0, 30)
+    y = rng.normal(size=(2, 30))
+    # The coefficients 0 and 1 are common at the beginning, or in another order and not common at the beginning.
+    together = weigh(columns, np.array([[0, 1, 2, 3], [0, 1, 4, 5]]), y, noise, error)
+    apart = weigh(columns, np.array([[2, 0, 3, 1], [0, 4, 1, 5]]), y, noise, error)
+    for name in ("log_evidence", "means", "squares", "error_squared"):
+        np.testing.assert_allclose(getattr(together, name), getattr(apart, name), atol=1e-10)
 
 
 def test_rivals_share_one_probability_and_causes_together_do_not():

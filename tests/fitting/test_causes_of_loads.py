@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.inference.doubts import possible_causes
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, Assumed, directions_of_change, strengths
+from eimi_fitting.inference.doubts import causes_in_loads
+from eimi_fitting.inference.doubts.causes_in_loads import directions_of_change, strengths
+from eimi_fitting.inference.doubts.possible_causes import Assumed
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
@@ -58,7 +60,7 @@ def simple(monkeypatch: pytest.MonkeyPatch) -> None:
             return type(one)(*new.values())
         return replace(one, **new)
 
-    monkeypatch.setattr(possible_causes, "replace", replaced)
+    monkeypatch.setattr(causes_in_loads, "replace", replaced)
 
 
 def test_strength_and_direction_of_change_follow_field_and_force() -> None:
@@ -145,5 +147,6 @@ def test_a_cause_with_a_source_has_its_unit_and_at_least_its_numbers() -> None:
         if cause.source:
             assert cause.unit == SOURCES[cause.source].unit
             assert len(cause.sizes) >= len(SOURCES[cause.source].parts)
+            assert set(cause.parts_of) <= set(SOURCES)
     assert {cause.name for cause in POSSIBLE_CAUSES if cause.is_common} == {"section", "law"}
     assert [cause.name for cause in POSSIBLE_CAUSES if cause.change is None] == ["section"]

@@ -21,6 +21,7 @@ _CAPTION = (
     "of the modulus: the result of a fit that takes the cause into account, relative to the result without the cause."
 )
 _NOTE = "Two causes may be present at the same time. The sum of the probabilities may therefore exceed 1."
+_WITHIN = ", within the stated uncertainty"
 _LEAST = 0.01  # a cause of smaller probability has no row, except the first two
 
 
@@ -34,7 +35,7 @@ def table_of_causes(fits: Sequence[ShownFit]) -> Table | None:
             shown.label,
             "no listed cause" if cause.name == NONE else cause.name.replace("_", " "),
             f"{cause.probability:.2f}",
-            "" if cause.name == NONE else signed(cause.value, cause.unit),
+            "" if cause.name == NONE else signed(cause.value, cause.unit) + _WITHIN * cause.is_within_stated,
             "" if cause.name == NONE else f"{significant(cause.shift_percent, 2, '+')} %",
             cause.decide_by,
         )

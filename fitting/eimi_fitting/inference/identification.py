@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.corrected_optimum import refine
-from eimi_fitting.inference.doubts.cause_doubts import cause_doubts
+from eimi_fitting.inference.doubts.cause_doubts import cause_doubts, is_as_stated
 from eimi_fitting.inference.doubts.causes import weighed_causes
 from eimi_fitting.inference.doubts.checks import (
     check_determined,
@@ -209,6 +209,7 @@ def identify(
                 experiments,
                 [*(r.doubt for r in due if r not in in_problem), *refined.not_considered],
                 is_named=beside is not None,
+                is_as_stated=is_as_stated(weighed, experiments),
             ),
             *named,
             *curve_doubts(problem.curves, curve_rmse_Pa),

@@ -10,5 +10,10 @@ edge_coefficients     the description of the residuals by a few coefficients alo
 marginal_likelihood   the evidence (probability density of the data) of linear Gaussian models
 signatures            the change of the residuals by each possible cause
 twisted_picture       the edges of a beam that its magnet has twisted
-possible_causes       the possible errors of a bench, each with the measurement that decides about it
+coefficients          the coefficients of all hypotheses about the causes
+stated_inputs         the inputs with a stated uncertainty, which are uncertain under every hypothesis
+deviating_inputs      the deviations of such inputs that the residuals show
+possible_causes       the description of a possible error of a bench
+causes_in_loads, causes_in_pictures, causes_in_specimens   the possible errors, by what they belong to
+table_of_causes       all possible errors
 """

@@ -9,7 +9,7 @@ import numpy as np
 from eimi_fitting.inference.doubts.causes import NONE, Cause, Weighed
 from eimi_fitting.inference.doubts.checks import OF_NOISE, Doubt, noise_ratio, pairs
 from eimi_fitting.inference.doubts.named_error import contains, remaining_error_mm
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence.experiment import Comparison, Experiment
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.inference.interval.estimate import Estimate
@@ -33,8 +33,9 @@ def cause_doubts(
     not apply if files state the uncertainties of these causes, because the interval then contains their effect.
 
     The doubt also names the causes that the residuals do not distinguish from the first one. There is no doubt about a
-    cause that the fit has taken into account. If most probably no listed cause is present, and residuals exceed ten
-    times the stated noise, a doubt says that the cause is unknown.
+    cause that the fit has taken into account, or about a deviation within its stated uncertainty. If most probably no
+    listed cause is present, and the residuals that the stated uncertainties do not explain exceed ten times the stated
+    noise, a doubt says that the cause is unknown.
 
     Returns
     -------
@@ -44,19 +45,35 @@ def cause_doubts(
     if not weighed.causes:
         return ()
     dataset = 0 if len(experiments) == 1 else None
-    none = next(cause for cause in weighed.causes if cause.name == NONE)
-    if none.probability >= _NONE_IMPROBABLE:
-        if none is weighed.causes[0] and any(noise_ratio(e, m) > OF_NOISE for e, m in pairs(experiments, final)):
+    if weighed.as_stated >= _NONE_IMPROBABLE:
+        if not is_as_stated(weighed, experiments) and any(
+            noise_ratio(e, m) > OF_NOISE for e, m in pairs(experiments, final)
+        ):
             words = "no listed cause and no pair of listed causes explains the residuals"
             return (Doubt(words, dataset, short="the residuals have an unknown cause", kind="cause"),)
         return ()
     # The fit already determines some causes. Causes whose residuals are similar to theirs are left out, because they
     # would explain the same residuals.
-    others = [c for c in weighed.causes if c.name != NONE and not {c.name, *c.like} & set(weighed.in_the_fit)]
+    others = [
+        cause
+        for cause in weighed.causes
+        if cause.name != NONE and not cause.is_within_stated and not {cause.name, *cause.like} & set(weighed.in_the_fit)
+    ]
     if not others or others[0].probability < _NAMED or not _concerns(others[0], weighed, estimate, final, experiments):
         return ()
     shifts = weighed.modulus_percent
     return (Doubt(_causes_in_words(others), dataset, None, None, shifts, _in_short(others, shifts), kind="cause"),)
+
+
+def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
+    """Return whether deviations of the inputs within their stated uncertainties explain the residuals of a fit.
+
+    The residuals that remain are then at most ten times the stated noise, and the intervals contain the deviations.
+    """
+    if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
+        return False
+    misfits = (e.observed.of_residuals(r[None]) for e, r in zip(experiments, weighed.remaining, strict=True))
+    return all(noise_ratio(e, m) <= OF_NOISE for e, m in zip(experiments, misfits, strict=True))
 
 
 def _concerns(
@@ -75,8 +92,8 @@ def _concerns(
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
     """Return whether a file states the uncertainty of a cause, or of another cause that changes the residuals alike."""
-    possible = {one.name: one.source for one in POSSIBLE_CAUSES}
-    sources = {possible[name] for name in (cause.name, *cause.like)} - {""}
+    possible = {one.name: one.stated_as for one in POSSIBLE_CAUSES}
+    sources = {source for name in (cause.name, *cause.like) for source in possible[name]}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
     return any(stated & {source, *SOURCES[source].covers} for source in sources)
 

@@ -30,11 +30,15 @@ of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a
 computed from several amplitudes, m is the largest of their means. The factor is near one for amplitudes well above 0.3
 of the usual size.
 
-The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes has the
-prior probability 1 / M. The probability of a hypothesis with |H| causes is therefore proportional to
-p(r | H) (M - 1)^-|H|. The probability of a cause is the sum over the hypotheses that contain it. The probability of
-`none` is the probability of the hypothesis without a cause. Causes with nearly the same signature share their
-probability equally (`inference.doubts.collinear_causes`).
+The probabilities. The hypotheses are no cause, one cause, and two causes together, each in two versions of equal prior
+probability. In the first version, every input has exactly its stated value. In the second version, the columns of J
+also contain every input with a stated uncertainty, with the stated standard deviation
+(`inference.doubts.stated_inputs`). Each of the M causes has the prior probability 1 / M. The probability of a
+hypothesis with |H| causes is therefore proportional to p(r | H) (M - 1)^-|H|. The probability of a cause is the sum
+over the hypotheses that contain it, plus the probability that it is a deviation within the stated uncertainties that
+the residuals show (`inference.doubts.deviating_inputs`). The probability of `none` is that of the hypotheses without a
+cause and without such a deviation. Causes with nearly the same signature share their probability equally
+(`inference.doubts.collinear_causes`).
 
 The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
 along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
@@ -48,15 +52,18 @@ the rest with a probability near one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.inference.doubts.collinear_causes import shared_equally
-from eimi_fitting.inference.doubts.possible_causes import POSSIBLE_CAUSES, PossibleCause
+from eimi_fitting.inference.doubts.deviating_inputs import Deviation, deviations
+from eimi_fitting.inference.doubts.possible_causes import PossibleCause
 from eimi_fitting.inference.doubts.signatures import About, columns_of
+from eimi_fitting.inference.doubts.stated_inputs import stated_columns
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.doubts.weighing import Weighing
 from eimi_fitting.inference.evidence.objective import Evaluation, Problem
 from eimi_fitting.inference.interval.noise import Effect
@@ -65,6 +72,7 @@ from eimi_fitting.inference.searching.polish import Optimum
 Array = NDArray[np.float64]
 
 _PROBABLE = 0.95  # probability of the hypotheses whose changes of the modulus are reported
+_WITHIN = 2.0  # standard uncertainties up to which a deviation is within what the files state
 _LEAST = 1e-3  # probability below which a cause is left out of the result
 NONE = "none"
 
@@ -101,6 +109,7 @@ class Cause:
     shift_percent: float
     decide_by: str
     like: tuple[str, ...] = ()
+    is_within_stated: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,6 +139,9 @@ class Weighed:
     remaining : tuple of ndarray, shape (K, G, m), or None
         For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups of m points
         in K states. None if the beam model finds no equilibrium.
+    as_stated : float
+        Probability that no cause is present beyond what the files state: neither an unstated error nor an error that is
+        larger than its stated uncertainty explains.
     """
 
     causes: tuple[Cause, ...]
@@ -139,6 +151,7 @@ class Weighed:
     most_probable: frozenset[str] = frozenset()
     beside_the_fit: float = 0.0
     remaining: tuple[Array, ...] | None = None
+    as_stated: float = 0.0
 
 
 def weighed_causes(
@@ -175,47 +188,72 @@ def weighed_causes(
     columns_by_cause = {cause: columns for cause in possible if (columns := columns_of(about, cause))}
     if not columns_by_cause:
         return Weighed((), frozenset(), {})
-    weighing = Weighing(about, effects, columns_by_cause)
+    weighing = Weighing(about, effects, stated_columns(about, possible), columns_by_cause)
     posterior = weighing.posterior()
     of_causes = weighing.classes(posterior)
-    score = shared_equally(posterior.log_evidence + weighing.log_prior, weighing.hypotheses, of_causes)
-    likes = {cause: members for members in of_causes for cause in members}
+    score = shared_equally(
+        posterior.log_evidence + weighing.log_prior, weighing.hypotheses, weighing.is_uncertain, of_causes
+    )
     names = [cause.name for cause in columns_by_cause]
-    order = {cause: -evidence for cause, evidence in enumerate(posterior.log_evidence[1 : 1 + len(names)])}
     probability = np.exp(score - score.max())
     probability /= probability.sum()
-    none = float(posterior.means[0, 0])
-    in_the_fit = frozenset(cause.name for cause, columns in columns_by_cause.items() if any(c.start for c in columns))
-    causes, errors = [Cause(NONE, float(probability[0]), 0.0, "", 0.0, "")], {}
+    best = int(np.argmax(score))
+    singly = posterior.take(weighing.alone(best))
+    order = {cause: -evidence for cause, evidence in enumerate(singly.log_evidence[1:])}
+    within = deviations(weighing, posterior, best) if weighing.is_uncertain[best] else {}
+    none = float(singly.means[0, 0])
+    freed = {nuisance.source for nuisance in problem.unknowns.freed}
+    in_the_fit = frozenset(
+        cause.name
+        for cause, columns in columns_by_cause.items()
+        if cause.source in freed or any(column.start for column in columns)
+    )
+    is_none = np.array([not hypothesis for hypothesis in weighing.hypotheses])
+    no_deviation = float(np.prod([1 - one for one in _of_classes(within)]))
+    nothing = float(probability[is_none] @ np.where(weighing.is_uncertain, no_deviation, 1.0)[is_none])
+    causes, errors = [Cause(NONE, nothing, 0.0, "", 0.0, "")], {}
     for i, cause in enumerate(columns_by_cause):
-        alone = posterior.means[1 + i]
+        alone = singly.means[1 + i]
         errors[cause.name] = weighing.remaining_mm(alone)
         holds = np.array([i in hypothesis for hypothesis in weighing.hypotheses])
-        total = float(probability[holds].sum())
+        beyond = float(probability[holds].sum())
+        without = float(probability[weighing.is_uncertain & ~holds].sum())
+        stated = within.get(i)
+        total = beyond + without * (stated.probability if stated else 0.0)
         if total < _LEAST:
             continue
-        mean = probability[holds] @ posterior.means[holds] / total
-        amplitudes = mean[weighing.blocks[i][: weighing.shown(i)]]
-        size = float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))]))
-        before = none if cause.name in in_the_fit else 0.0
-        shift = problem.unknowns.modulus_percent(float(alone[0]) - before)
-        like = tuple(names[other] for other in likes[i] if other != i)
-        causes.append(Cause(cause.name, total, size, cause.unit, shift, cause.decide_by, like))
+        if stated and without * stated.probability > beyond:
+            size, moved, members = stated.value, stated.moved, stated.like
+        else:
+            mean = probability[holds] @ posterior.means[holds] / beyond
+            amplitudes = mean[weighing.blocks[i][: weighing.shown(i)]]
+            size = float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))]))
+            moved = float(alone[0]) - (none if cause.name in in_the_fit else 0.0)
+            members = next(tuple(other for other in group if other != i) for group in of_causes if i in group)
+        is_within = abs(size) <= _WITHIN * weighing.stated_size(i)
+        shift, like = problem.unknowns.modulus_percent(moved), tuple(names[other] for other in members)
+        causes.append(Cause(cause.name, total, size, cause.unit, shift, cause.decide_by, like, is_within))
     causes.sort(key=lambda cause: order[names.index(cause.name)] if cause.name in names else 0.0)
     causes.sort(key=lambda cause: -round(cause.probability, 6))  # the evidence orders the causes of a class
-    moved = posterior.means[_most_probable(probability), 0]
-    shifts = problem.unknowns.modulus_percent(float(moved.min())), problem.unknowns.modulus_percent(float(moved.max()))
-    best = int(np.argmax(score))
+    moved_by = posterior.means[_most_probable(probability), 0]
+    shifts = tuple(problem.unknowns.modulus_percent(float(end)) for end in (moved_by.min(), moved_by.max()))
     further = [any(names[i] not in in_the_fit for i in hypothesis) for hypothesis in weighing.hypotheses]
     return Weighed(
         tuple(causes),
         in_the_fit,
         errors,
-        shifts,
+        (shifts[0], shifts[1]),
         frozenset(names[i] for i in weighing.hypotheses[best]),
         float(probability[further].sum()),
-        weighing.remaining(best, posterior.means[best]) if further[best] else None,
+        weighing.remaining(best, posterior.means[best]) if further[best] or weighing.is_uncertain[best] else None,
+        float(probability[is_none].sum()),
     )
+
+
+def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
+    """Return the probability of each group of deviations that the residuals do not distinguish from each other."""
+    groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
+    return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:

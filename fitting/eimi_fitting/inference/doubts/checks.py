@@ -271,7 +271,11 @@ def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
 
 
 def doubts(
-    final: Comparison, experiments: Sequence[Experiment], missing: Sequence[str] = (), is_named: bool = False
+    final: Comparison,
+    experiments: Sequence[Experiment],
+    missing: Sequence[str] = (),
+    is_named: bool = False,
+    is_as_stated: bool = False,
 ) -> tuple[Doubt, ...]:
     """Return the doubts (reasons to distrust the fit) that the residuals of the optimum cause.
 
@@ -286,19 +290,22 @@ def doubts(
     is_named : bool
         Whether the interval of the modulus contains the effect of the causes that explain the residuals. The doubt
         about large residuals then does not warn that the intervals are too narrow.
+    is_as_stated : bool
+        Whether deviations of the inputs within their stated uncertainties explain the residuals.
 
     Returns
     -------
     tuple of Doubt
         One doubt for each sentence of ``missing``, for each dataset with residuals of more than ten times the stated
-        uncertainty, and for each state with more than five times the median error.
+        uncertainty that the stated inputs do not explain, and for each state with more than five times the median
+        error.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
         error, stated = misfit.error_mm[0], _noise_mm(experiment, misfit)
         ratio = noise_ratio(experiment, misfit)
-        if ratio > OF_NOISE:
+        if ratio > OF_NOISE and not is_as_stated:
             words = (
                 f"the residuals are {ratio:.0f} times the given uncertainty of the measured places: the law, the "
                 "geometry, the scale or the loads of the fit differ from the specimen, and the intervals do not "

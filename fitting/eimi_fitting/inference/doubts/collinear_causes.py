@@ -9,8 +9,9 @@ explain. If S_a and S_b of two causes have the same length |S| and the angle phi
 
 If one of the two causes is true and the noise is normal, the logarithm of the odds between the causes is |e_a - e_b|^2
 / 2 on average. The causes are alike if these odds are below 9 to 1. Noise adds about 1 to |e_a - e_b|^2 for each
-amplitude. The limit for |e_a - e_b|^2 is therefore 2 ln 9 plus the number of amplitudes of both causes. Probable causes
-are simulated at their amplitudes, so that large amplitudes are compared correctly too.
+amplitude. Each simulated change of the residuals has an error of 1 per cent. The limit for |e_a - e_b|^2 is therefore
+2 ln 9, plus the number of amplitudes of both causes, plus (0.02 |S|)^2. Probable causes are simulated at their
+amplitudes, so that large amplitudes are compared correctly too.
 
 Causes that are alike form a class of at most three. A cause with a negligible value is alone in its class.
 
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 Hypothesis = tuple[int, ...]
 
 _TOLD_APART = 2 * np.log(9.0)
+_OF_CHANGE = 0.02  # difference of two simulated changes, each of which has an error of 1 per cent
 _LARGEST_CLASS = 3
 
 
@@ -60,9 +62,11 @@ def classes(
     """
     counts = np.asarray(amplitudes)
     explained = remaining[0] - remaining[1:]
-    explains = ((explained**2).sum(axis=1) > _TOLD_APART + counts) & ~negligible
+    squares = (explained**2).sum(axis=1)
+    explains = (squares > _TOLD_APART + counts) & ~negligible
     apart = ((explained[:, None] - explained) ** 2).sum(axis=-1)
-    alike = (apart < _TOLD_APART + counts[:, None] + counts) & explains[:, None] & explains
+    of_simulation = _OF_CHANGE**2 * np.minimum(squares[:, None], squares)
+    alike = (apart < _TOLD_APART + counts[:, None] + counts + of_simulation) & explains[:, None] & explains
     unassigned = [int(cause) for cause in np.argsort(-evidence)]
     all_classes = []
     while unassigned:
@@ -73,7 +77,12 @@ def classes(
     return all_classes
 
 
-def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Sequence[tuple[int, ...]]) -> Array:
+def shared_equally(
+    score: Array,
+    hypotheses: Sequence[Hypothesis],
+    is_uncertain: NDArray[np.bool_],
+    of_causes: Sequence[tuple[int, ...]],
+) -> Array:
     """Return the logarithms of the probabilities of hypotheses, shared equally between hypotheses that are alike.
 
     A hypothesis is a set of causes (possible errors of the bench) that are present. Two hypotheses are alike if they
@@ -85,6 +94,8 @@ def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Se
         Logarithm of the probability of each of H hypotheses, from the probability density of the residuals.
     hypotheses : sequence of tuple of int
         Indices of the causes of each hypothesis.
+    is_uncertain : ndarray of bool, shape (H,)
+        Whether the inputs of each hypothesis deviate within their stated uncertainties.
     of_causes : sequence of tuple of int
         The classes (groups of causes that the residuals do not distinguish), each as indices of its causes.
 
@@ -94,9 +105,10 @@ def shared_equally(score: Array, hypotheses: Sequence[Hypothesis], of_causes: Se
         Logarithm of the probability of each hypothesis.
     """
     number = {cause: i for i, members in enumerate(of_causes) for cause in members}
-    groups: dict[tuple[int, ...], list[int]] = {}
+    groups: dict[tuple[bool, tuple[int, ...]], list[int]] = {}
     for row, hypothesis in enumerate(hypotheses):
-        groups.setdefault(tuple(sorted(number[cause] for cause in hypothesis)), []).append(row)
+        key = bool(is_uncertain[row]), tuple(sorted(number[cause] for cause in hypothesis))
+        groups.setdefault(key, []).append(row)
     result = np.array(score)
     for rows in groups.values():
         result[rows] = np.logaddexp.reduce(score[rows]) - np.log(len(rows))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.correlation import correlation_length
-from eimi_fitting.inference.doubts.possible_causes import strengths
+from eimi_fitting.inference.doubts.causes_in_loads import strengths
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation
 

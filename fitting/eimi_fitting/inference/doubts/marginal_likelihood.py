@@ -5,6 +5,7 @@ The equations are in `inference.doubts.causes`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,16 @@ class Posterior:
     squares: Array
     error_squared: Array
 
+    def take(self, rows: slice) -> Posterior:
+        """Return the posterior of only some of the hypotheses."""
+        return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
+
+    @staticmethod
+    def of_all(parts: Sequence[Posterior]) -> Posterior:
+        """Return the posterior of the hypotheses of all parts."""
+        names = ("log_evidence", "means", "squares", "error_squared")
+        return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
     """Return the evidence of H hypotheses and the posterior means of their coefficients.
@@ -65,18 +76,28 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     Posterior
         Evidence and coefficients of the H hypotheses.
     """
+    common, own = _common(members)
     h, q = members.shape
     logs, means, squares = np.zeros((len(_ERRORS_MM), h)), *np.zeros((2, len(_ERRORS_MM), h, q))
     for i, eta in enumerate(_ERRORS_MM):
         precision = 1 / (noise + eta**2 * error)
-        gram = (columns * precision) @ columns.T
-        projected = np.take_along_axis((y * precision) @ columns.T, members, axis=1)
-        system = np.eye(q) + gram[members[:, :, None], members[:, None, :]]
+        gram, projected = (columns * precision) @ columns.T, (y * precision) @ columns.T
+        # The coefficients that all hypotheses have are eliminated first (Schur complement).
+        of_common = np.linalg.inv(np.eye(len(common)) + gram[np.ix_(common, common)])
+        by_common = of_common @ gram[common]
+        reduced = projected - projected[:, common] @ by_common
+        system = np.eye(q - len(common)) + (gram - gram[:, common] @ by_common)[own[:, :, None], own[:, None, :]]
         covariance = np.linalg.inv(system)
-        means[i] = (covariance @ projected[..., None])[..., 0]
-        squares[i] = means[i] ** 2 + np.diagonal(covariance, axis1=1, axis2=2)
+        of_own = np.take_along_axis(reduced, own, axis=1)
+        mean = (covariance @ of_own[..., None])[..., 0]
+        moved = by_common[:, own].transpose(1, 0, 2)  # (H, common, own)
+        alone = projected[:, common] @ of_common
+        means[i] = np.concatenate([alone - (moved @ mean[..., None])[..., 0], mean], axis=1)
+        variance = np.diag(of_common) + ((moved @ covariance) * moved).sum(axis=-1)
+        squares[i] = np.concatenate([variance, np.diagonal(covariance, axis1=1, axis2=2)], axis=1) + means[i] ** 2
         logs[i] = 0.5 * (np.log(precision).sum() - (y**2 * precision).sum(axis=1))
-        logs[i] += 0.5 * ((projected * means[i]).sum(axis=1) - np.linalg.slogdet(system)[1])
+        logs[i] += 0.5 * ((projected[:, common] * alone).sum(axis=1) + (of_own * mean).sum(axis=1))
+        logs[i] += 0.5 * (np.linalg.slogdet(of_common)[1] - np.linalg.slogdet(system)[1])
     largest = logs.max(axis=0)
     weights = np.exp(logs - largest)
     total = weights.sum(axis=0)
@@ -86,3 +107,10 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
         average[:, -1] = 0.0
     log_evidence, of_means, of_squares = largest + np.log(total / len(_ERRORS_MM)), *averages
     return Posterior(log_evidence, of_means, of_squares, _ERRORS_MM**2 @ (weights / total))
+
+
+def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Split the members of H hypotheses into the first c, which all hypotheses share, and the others, (H, q - c)."""
+    differs = (members != members[0]).any(axis=0)
+    first = int(np.argmax(differs)) if differs.any() else members.shape[1]
+    return members[0, :first], members[:, first:]

@@ -6,9 +6,8 @@ could be hundreds of per cent wide. If they counted as noise of independent poin
 the error of the modulus that the cause produces.
 
 If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals that remain
-with the most probable causes. If the interval does not contain the change of the modulus by these causes, the interval
-is widened: the change counts as the 95 % bound of a further normal error. The value of the modulus stays the value of
-the fit without the causes.
+with the most probable causes. The change of the modulus by these causes widens the interval: it counts as the 95 %
+bound of a further normal error. The value of the modulus stays the value of the fit without the causes.
 """
 
 from __future__ import annotations
@@ -89,10 +88,8 @@ def estimate_beside(
         problem, optimum, [change + more for change, more in zip(changes, held, strict=True)]
     )
     noise = linearise_noise(changed, reached, effects)
-    result = estimate(changed, reached, effects, noise, refinements, seed)
-    if not contains(result.initial_shear_modulus, weighed.modulus_percent):
-        shift = _ENLARGED * max(weighed.modulus_percent, key=abs)
-        result = estimate(changed, reached, effects, noise, refinements, seed, shift)
+    shift = _ENLARGED * max(weighed.modulus_percent, key=abs)
+    result = estimate(changed, reached, effects, noise, refinements, seed, shift)
     own = {name: getattr(before.identifiability, name) for name in _OF_RESIDUALS}
     return replace(
         result,

@@ -244,15 +244,31 @@ class About:
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
         """Return the amplitude that the fit of one dataset has assumed for one part of a cause (error of the bench).
 
-        If the fit determined the uncertain input (freed it) or the input was measured, the amplitude is the deviation
-        of the input from its stated value, else 0.
+        If the input of the cause was measured, the amplitude is the deviation of the input from its stated value. If
+        the fit also determined the measured input (freed it), the deviation that it found is added. Otherwise, the
+        amplitude is 0.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
+        if not measured:
+            return 0.0
         start = float(measured[part]) if part < len(measured) else 0.0
-        for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched):
-            if (nuisance.source, nuisance.part) == (cause.source, part) and dataset in nuisance.datasets:
-                start += float(nuisance.value(self.unit[column]))
-        return start
+        return start + self.freed_start(cause.source, part, dataset)
+
+    def freed_start(self, source: str, part: int, dataset: int) -> float:
+        """Return the deviation of one uncertain number that the fit of a dataset has determined; 0 if it was not freed.
+
+        ``part`` is the index of the number among the parts of its source, a key of `SOURCES`.
+        """
+        return sum(
+            float(nuisance.value(self.unit[column]))
+            for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched)
+            if (nuisance.source, nuisance.part) == (source, part) and dataset in nuisance.datasets
+        )
+
+    @staticmethod
+    def is_seen(changes: Sequence[Array | None], size: float) -> bool:
+        """Return whether an amplitude of the given size changes a residual in mm; ``changes`` is its signature."""
+        return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
@@ -327,10 +343,10 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
         for part, usual in enumerate(cause.sizes):
             size = max(usual, uncertainty)
             changes = tuple(
-                _signature(about.solved[i], cause, part, size) if i in datasets else None
+                signature(about.solved[i], cause, part, size) if i in datasets else None
                 for i in range(len(about.solved))
             )
-            if any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes):
+            if about.is_seen(changes, size):
                 columns.append(Column(part, datasets, size, about.start(cause, part, datasets[0]), changes))
     return tuple(columns)
 
@@ -349,7 +365,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
     return [(group.datasets, group.standard_uncertainty or 0.0) for group in groups]
 
 
-def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
+def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
     """Return the change of the residuals in mm if one amplitude of a cause is 1; None without an equilibrium.
 
     A cause is a possible error of the bench, and an amplitude is its size. The shape is (K, G, m) for G groups (edges,
@@ -357,13 +373,14 @@ def _signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Ar
     """
     if cause.change is None:
         return _as_solid(here)
+    sides = []
     for step in (_STEP, -_STEP):
         amplitudes = np.zeros(len(cause.sizes))
         amplitudes[part] = step * size
         there = Solved.of(cause.change(here.assumed, amplitudes), here)
         if there is not None:
-            return np.asarray(there.residuals - here.residuals) / (step * size)
-    return None
+            sides.append((there.residuals - here.residuals) / (step * size))
+    return np.asarray(np.mean(sides, axis=0)) if sides else None
 
 
 def _as_solid(here: Solved) -> Array | None:

@@ -6,18 +6,18 @@ The model and the computation are described in `inference.doubts.causes`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eimi_fitting.inference.doubts.coefficients import Coefficients
 from eimi_fitting.inference.doubts.collinear_causes import classes
 from eimi_fitting.inference.doubts.edge_coefficients import projection
 from eimi_fitting.inference.doubts.marginal_likelihood import Posterior, weigh
 from eimi_fitting.inference.doubts.possible_causes import PossibleCause
 from eimi_fitting.inference.doubts.signatures import About, Column
-from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.interval.noise import Effect
 
 Array = NDArray[np.float64]
@@ -33,13 +33,33 @@ _LINEAR, _LINEAR_LAW = 0.005, 2e-4
 # computed at the optimum only, and are not exact for changed amplitudes.
 # With 0.002, virtual solids with one cause got a second one of negligible size.
 _OF_MOVE = 0.01
-# Length that the remaining error of the meshes at the clamp adds; 0.007 mm on a virtual solid of 26 x 3 elements.
-_CORNERS_MM = 0.01
 _POOR = 4.0  # above this ratio of misfit to noise, a single cause is fitted with renewed slopes
 _GAUSS_NEWTON = 5  # largest number of these steps
 _STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
-_NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
+NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
 _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The probabilities of causes, added to one hypothesis, if some uncertain inputs have their stated values.
+
+    Parameters
+    ----------
+    causes : list of int
+        Indices of the n causes (possible errors of the bench).
+    probability : ndarray, shape (1 + n,)
+        Probability of the hypothesis without another cause, and with each of the causes.
+    posterior : Posterior
+        Evidence and coefficients of these 1 + n hypotheses.
+    classes : list of tuple of int
+        The causes that the residuals do not distinguish, in groups.
+    """
+
+    causes: list[int]
+    probability: Array
+    posterior: Posterior
+    classes: list[tuple[int, ...]]
 
 
 class Weighing:
@@ -49,47 +69,31 @@ class Weighing:
     """
 
     def __init__(
-        self, about: About, effects: Sequence[Effect], columns_by_cause: Mapping[PossibleCause, Sequence[Column]]
+        self,
+        about: About,
+        effects: Sequence[Effect],
+        stated: Mapping[PossibleCause, Sequence[Column]],
+        columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> None:
-        self._about, self._causes = about, tuple(columns_by_cause)
-        self._columns = [column for columns in columns_by_cause.values() for column in columns]
-        # The columns of every hypothesis: the law, then the remaining errors of the corrections. The error of the
-        # meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
-        corners = [c for cause, cs in columns_by_cause.items() if cause.name == "clamp_softness" for c in cs]
-        law = self._common = len(about.law_spread) + len(effects) + len(corners)
-        blocks: list[list[int]] = []
-        for columns in columns_by_cause.values():
-            first = blocks[-1][-1] + 1 if blocks else law
-            blocks.append(list(range(first, first + len(columns))))
-        self.blocks = blocks
+        self._about, self._causes, self._inputs = about, tuple(columns_by_cause), tuple(stated)
         self._project = projection(about.problem.experiments, about.residuals, about.used)
-        shares = (effect.remaining_share for effect in effects)
-        of_corners = [_CORNERS_MM] * len(corners)
-        self._scale = np.array(
-            [*about.law_spread, *shares, *of_corners, *(column.size for column in self._columns), 1.0]
-        )
-        changes = [
-            *(effect.correction.changes for effect in effects),
-            *(column.changes for column in (*corners, *self._columns)),
-        ]
-        changes_of_effects = [
-            effect.remaining_share / NORMAL_95 * self._project.of(effect.correction.changes) for effect in effects
-        ]
-        slopes = [self._project.of(about.slopes), *(self._project.of(change)[None] for change in changes)]
-        self._remaining = np.array(changes_of_effects).reshape(len(effects), slopes[0].shape[-1])
-        rows = np.concatenate([*slopes, np.zeros((1, slopes[0].shape[-1]))])
-        self._rows = self._scale[:, None] * rows
+        coefficients = Coefficients.of(about, self._project, effects, stated, columns_by_cause)
+        self._coefficients, self._columns = coefficients, coefficients.columns
+        self._rows, self._scale, self.blocks = coefficients.rows, coefficients.scale, coefficients.of_causes
+        self._law, self._simulated_common = coefficients.law, coefficients.simulated
+        self._common = law = coefficients.common
         causes = range(len(self._causes))
-        self.hypotheses = [(), *((i,) for i in causes), *combinations(causes, 2)]
-        kept = list(range(law))
-        widest = law + sum(sorted(map(len, blocks))[-2:])
-        self._members = np.full((len(self.hypotheses), widest), len(self._rows) - 1)
-        for row, hypothesis in enumerate(self.hypotheses):
-            indices = kept + [index for i in hypothesis for index in blocks[i]]
-            self._members[row, : len(indices)] = indices
-        self._in_the_fit = {i for i, columns in enumerate(columns_by_cause.values()) if any(c.start for c in columns)}
-        self._holds = np.array([[i in hypothesis for i in causes] for hypothesis in self.hypotheses])
-        self.log_prior = -np.log(max(len(self._causes) - 1, 1)) * np.array([len(h) for h in self.hypotheses], float)
+        every = [(), *((i,) for i in causes), *combinations(causes, 2)]
+        exact = [row for row in range(law) if not self._law <= row < self._simulated_common]
+        # One array for the hypotheses whose inputs are exact, and one for those whose inputs are uncertain.
+        self._members = [
+            self._members_of([[*some, *self._rows_of(one)] for one in every])
+            for some in ([exact, list(range(law))] if stated else [exact])
+        ]
+        self.hypotheses = every * len(self._members)
+        self.is_uncertain = np.repeat([False, True][: len(self._members)], len(every))
+        self._measured = {i for i, columns in enumerate(columns_by_cause.values()) if any(c.start for c in columns)}
+        self.log_prior = -self._log_odds * np.array([len(h) for h in self.hypotheses], float)
         # What the residuals were if the freed and measured inputs had their stated values.
         self._stated = [np.array(residual) for residual in about.residuals]
         for column in self._columns:
@@ -97,14 +101,37 @@ class Weighing:
                 if change is not None:
                     residual -= column.start * change
 
+    @property
+    def _log_odds(self) -> float:
+        """Minus the logarithm of the prior odds of one cause."""
+        return float(np.log(max(len(self._causes) - 1, 1)))
+
+    def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
+        return [index for i in hypothesis for index in self.blocks[i]]
+
+    def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
+        """Return lists of row indices as one array, in which the index of the zero row fills up shorter lists."""
+        members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
+        for row, indices in enumerate(rows):
+            members[row, : len(indices)] = indices
+        return members
+
     def shown(self, cause: int) -> int:
         """Return how many amplitudes of one cause, from the first, enter its reported value (`Cause.value`).
 
         A cause is a possible error of the bench, and ``cause`` is its index. An amplitude is the size of one part of a
         cause, such as a shift in x.
         """
-        shown, columns = self._causes[cause].shown, [self._columns[row - self._common] for row in self.blocks[cause]]
+        shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
+
+    def alone(self, best: int) -> slice:
+        """Return the rows of no cause and of each cause alone, with inputs as uncertain as in one hypothesis.
+
+        ``best`` is the index of this hypothesis.
+        """
+        first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
+        return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
         """Group the causes that the residuals do not distinguish, and return the indices of the causes in each group.
@@ -113,17 +140,93 @@ class Weighing:
 
         The first cause of each class is the most probable one.
         """
-        alone = slice(1 + len(self._causes))  # no cause, and each cause alone
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
-        variance = self._variance + posterior.error_squared[best] * self._project.error
-        remaining = self._y[alone] - posterior.means[alone] / self._scale @ self._rows
-        counts = [len(block) for block in self.blocks]
-        sizes = np.abs(posterior.means[alone][1:] / self._scale)
-        negligible = np.array([sizes[i, self._shown_rows(i)].max() < _NEGLIGIBLE for i in range(len(self._causes))])
-        return classes(remaining / np.sqrt(variance), counts, posterior.log_evidence[alone][1:], negligible)
+        alone = self.alone(best)
+        causes = range(len(self._causes))
+        return self._alike(self._y[alone], posterior.take(alone), causes, posterior.error_squared[best])
+
+    def _alike(
+        self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
+    ) -> list[tuple[int, ...]]:
+        """Return the classes of some causes; the rows are a hypothesis, and the hypothesis with each cause added."""
+        variance = self._variance + error_squared * self._project.error
+        remaining = y - posterior.means / self._scale @ self._rows
+        counts = [len(self.blocks[cause]) for cause in causes]
+        sizes = np.abs(posterior.means[1:] / self._scale)
+        negligible = np.array(
+            [one[self._shown_rows(cause)].max() < NEGLIGIBLE for one, cause in zip(sizes, causes, strict=True)]
+        )
+        groups = classes(remaining / np.sqrt(variance), counts, posterior.log_evidence[1:], negligible)
+        return [tuple(causes[i] for i in members) for members in groups]
 
     def _shown_rows(self, cause: int) -> list[int]:
         return self.blocks[cause][: self.shown(cause)]
+
+    def scale(self, rows: Sequence[int]) -> Array:
+        """Return the prior standard deviations of some coefficients."""
+        return self._scale[rows]
+
+    def rows_of_inputs(self, cause: int) -> list[int]:
+        """Return the rows of the uncertain inputs whose deviation is the same error as a cause, given by its index."""
+        stated_as = self._causes[cause].stated_as
+        return [
+            row
+            for one, rows in zip(self._inputs, self._coefficients.of_inputs, strict=True)
+            if one.source in stated_as
+            for row in rows
+        ]
+
+    def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
+        """Return the sum of the squares, in units of the noise, of the change of the data by some coefficients.
+
+        ``base`` is the index of the hypothesis, and ``rows`` are the rows of the coefficients.
+        """
+        change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
+        variance = self._variance + posterior.error_squared[base] * self._project.error
+        return float((change**2 / variance).sum())
+
+    def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
+        """Return the shown amplitudes of a cause that change the data like some inputs do.
+
+        ``rows`` are the rows of the inputs, and ``amounts`` are the deviations of the inputs. ``cause`` is the index of
+        the cause. Least squares give the amplitudes, in units of the noise.
+        """
+        of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
+        change = amounts / self._scale[rows] @ self._rows[rows] / root
+        return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
+
+    def stated_size(self, cause: int) -> float:
+        """Return the standard uncertainty of a cause that the stated uncertainties of the inputs give; 0 without one.
+
+        If the cause has several amplitudes, the root of the sum of their squared standard uncertainties.
+        """
+        parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
+        return float(np.linalg.norm(parts)) if parts else 0.0
+
+    def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
+        """Weigh the causes if some of the uncertain inputs have exactly their stated values.
+
+        Parameters
+        ----------
+        base : int
+            Index of a hypothesis, whose simulation is used for all hypotheses here.
+        rows : sequence of int
+            The rows of the inputs that are exact (`rows_of_inputs`).
+        """
+        hypothesis = self.hypotheses[base]
+        causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
+        hypotheses = [hypothesis, *((*hypothesis, cause) for cause in causes)]
+        others = [row for row in range(self._common) if row not in rows]
+        members = self._members_of([[*others, *self._rows_of(one)] for one in hypotheses])
+        y = np.tile(self._y[base], (len(hypotheses), 1))
+        posterior = self._evidence(y, members, hypotheses)
+        score = posterior.log_evidence - self._log_odds * (np.arange(len(hypotheses)) > 0)
+        groups = self._alike(y, posterior, causes, float(posterior.error_squared[int(np.argmax(score))]))
+        probability = np.exp(score - score.max())
+        for group in groups:
+            alike = [1 + causes.index(cause) for cause in group]
+            probability[alike] = probability[alike].mean()
+        return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def posterior(self) -> Posterior:
         """Return evidence and amplitudes of all hypotheses, after simulations of the probable hypotheses.
@@ -138,8 +241,8 @@ class Weighing:
         settled: set[int] = set()
         for index in range(_PASSES):
             moved = np.abs(result.means - simulated_at) / self._scale
-            moved[:, : len(self._about.law_spread)] *= _LINEAR / _LINEAR_LAW
-            moved[:, len(self._about.law_spread) : self._common] = 0.0
+            moved[:, : self._law] *= _LINEAR / _LINEAR_LAW
+            moved[:, self._simulated_common : self._common] = 0.0
             rows = [
                 row for row in self._probable(result, _FAR[int(index >= _PASSES_FAR)]) if moved[row].max() > _LINEAR
             ]
@@ -152,7 +255,7 @@ class Weighing:
                 if simulated is not None:
                     known[row] = True
                     moves = simulated_at[row] / self._scale
-                    moves[len(self._about.law_spread) : self._common] = 0.0  # these are not simulated
+                    moves[self._simulated_common : self._common] = 0.0  # these are not simulated
                     y[row] = moves @ self._rows - self._project.of(simulated)
             if not rows:
                 break
@@ -190,12 +293,13 @@ class Weighing:
         score = result.log_evidence + self.log_prior
         pairs = []
         for row in np.flatnonzero(~known):
-            of_fit = self._in_the_fit.intersection(self.hypotheses[row])
+            of_fit = self._measured.intersection(self.hypotheses[row])
             parts = [
                 part
                 for part in np.flatnonzero(known)
-                if set(self.hypotheses[part]) < set(self.hypotheses[row])
-                and self._in_the_fit.intersection(self.hypotheses[part]) == of_fit
+                if self.is_uncertain[part] == self.is_uncertain[row]
+                and set(self.hypotheses[part]) < set(self.hypotheses[row])
+                and self._measured.intersection(self.hypotheses[part]) == of_fit
             ]
             if parts:
                 pairs.append((int(row), int(max(parts, key=lambda part: score[part]))))
@@ -210,7 +314,7 @@ class Weighing:
         effects on the coefficients.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
-        return np.asarray(of_moves + self._project.smooth(self._remaining))
+        return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
         """Return how badly a hypothesis explains the residuals: the mean square of the rest, in units of the noise.
@@ -228,8 +332,8 @@ class Weighing:
         of a cause, and Gauss-Newton starts from ``amplitudes``.
         """
         best, least = amplitudes.copy(), np.inf
-        best[len(self._about.law_spread) : self._common] = 0.0
-        active = [i for i in set(self._members[row].tolist()) if i < len(self._scale) - 1 and best[i]]
+        best[self._simulated_common : self._common] = 0.0
+        active = np.flatnonzero(best[:-1]).tolist()
         steps = np.where(np.arange(len(self._scale)) < self._common, _LAW_STEP, _STEP) * self._scale
         trial = best.copy()
         for _ in range(_GAUSS_NEWTON):
@@ -242,6 +346,9 @@ class Weighing:
                 break
             best, least = trial.copy(), value
             for i in active:
+                if self._law <= i < self._common:
+                    slopes.append(self._rows[i] / self._scale[i])
+                    continue
                 ahead = trial.copy()
                 ahead[i] += steps[i]
                 there = self._simulated(self.hypotheses[row], ahead)
@@ -256,13 +363,22 @@ class Weighing:
 
     def _weigh(self, y: Array, of_move: Array) -> Posterior:
         self._variance = self._project.noise + of_move
-        standard = weigh(self._rows, self._members, y, self._variance, self._project.error)
+        count = len(y) // len(self._members)
+        parts = [
+            self._evidence(y[i * count : (i + 1) * count], members, self.hypotheses[:count])
+            for i, members in enumerate(self._members)
+        ]
+        return Posterior.of_all(parts)
+
+    def _evidence(self, y: Array, members: NDArray[np.intp], hypotheses: Sequence[tuple[int, ...]]) -> Posterior:
+        standard = weigh(self._rows, members, y, self._variance, self._project.error)
         # The factor of the moment prior, whose normal mean of |s_a / size_a|^4 is 3 for one amplitude.
-        shown = [self._shown_rows(cause) for cause in range(len(self._causes))]
+        causes = range(len(self._causes))
+        shown = [self._shown_rows(cause) for cause in causes]
         squares = np.stack([standard.squares[:, rows].max(axis=1) for rows in shown], axis=1)
-        factors = 2 * np.log(np.where(self._holds, squares / (squares + _NEGLIGIBLE**2), 1.0)).sum(axis=1)
-        law = np.arange(len(self._scale)) < self._common
-        most = np.where(law, np.inf, _MOST_SIZES)
+        holds = np.array([[cause in hypothesis for cause in causes] for hypothesis in hypotheses])
+        factors = 2 * np.log(np.where(holds, squares / (squares + NEGLIGIBLE**2), 1.0)).sum(axis=1)
+        most = np.where(np.arange(len(self._scale)) < self._law, np.inf, _MOST_SIZES)
         means = np.clip(standard.means, -most, most) * self._scale
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
@@ -273,25 +389,30 @@ class Weighing:
         `posterior` repeats the simulations in several passes. In the first passes, hypotheses of a single error are
         also returned if they are improbable, because a large error may look improbable before it is simulated.
         """
-        score = result.log_evidence + self.log_prior
-        order = np.argsort(-score)
-        near = score[order] > score.max() - far
-        sizes = np.array([len(self.hypotheses[row]) for row in order])
-        starts = [0] if any(column.start for column in self._columns) else []
-        # A single cause of large amplitude may look improbable before it is simulated.
-        singles = order[(sizes == 1) & (near | (far == _FAR[0]))][:_SIMULATED]
-        return [*starts, *singles.tolist(), *order[(sizes == 2) & near][:_SIMULATED_PAIRS].tolist()]
+        score, rows = result.log_evidence + self.log_prior, []
+        sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])
+        for is_uncertain in np.unique(self.is_uncertain):
+            order = np.argsort(-np.where(self.is_uncertain == is_uncertain, score, -np.inf))
+            order = order[: (self.is_uncertain == is_uncertain).sum()]
+            near = score[order] > score.max() - far
+            if is_uncertain or any(column.start for column in self._columns):
+                rows.append(int(np.flatnonzero(self.is_uncertain == is_uncertain)[0]))
+            # A single cause of large amplitude may look improbable before it is simulated.
+            singles = order[(sizes[order] == 1) & (near | (far == _FAR[0]))][:_SIMULATED]
+            rows += [*singles.tolist(), *order[(sizes[order] == 2) & near][:_SIMULATED_PAIRS].tolist()]
+        return rows
 
     def _simulated(self, hypothesis: tuple[int, ...], amplitudes: Array) -> list[Array] | None:
-        law = self._common
         given: dict[PossibleCause, list[tuple[Column, float]]] = {}
+        for one, rows in zip(self._inputs, self._coefficients.of_inputs, strict=True):
+            given[one] = [(self._coefficients.column(row), float(amplitudes[row])) for row in rows]
         for i, cause in enumerate(self._causes):
-            columns = [self._columns[index - law] for index in self.blocks[i]]
+            columns = [self._coefficients.column(row) for row in self.blocks[i]]
             if i in hypothesis:
                 given[cause] = list(zip(columns, amplitudes[self.blocks[i]].tolist(), strict=True))
             elif any(column.start for column in columns):
                 given[cause] = [(column, 0.0) for column in columns]
-        return self._about.simulated(amplitudes[: len(self._about.law_spread)], given)
+        return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
         """Return the residuals in mm that a simulation of one hypothesis leaves: one array for each experiment.
@@ -310,12 +431,12 @@ class Weighing:
         causes (errors of the bench). The points near the ends of an edge are included, unlike in the comparison of
         causes.
         """
-        law, common, errors = len(self._about.law_spread), self._common, []
+        errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(
             zip(self._stated, self._about.slopes, self._about.in_error, strict=True)
         ):
-            remaining = residual + np.tensordot(amplitudes[:law], slopes, axes=1)
-            for column, amplitude in zip(self._columns, amplitudes[common:-1], strict=True):
+            remaining = residual + np.tensordot(amplitudes[: self._law], slopes, axes=1)
+            for column, amplitude in zip(self._columns, amplitudes[rows], strict=True):
                 if amplitude and (change := column.changes[i]) is not None:
                     remaining = remaining + amplitude * change
             square = (remaining**2 * (used > 0)).sum(axis=(1, 2))

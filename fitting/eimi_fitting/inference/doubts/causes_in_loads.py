@@ -1,0 +1,141 @@
+"""List the possible causes of residuals that belong to the loads: the moment, the field, and softening with time.
+
+A cause is a possible error of a bench (`inference.doubts.possible_causes`). A softer beam bends as under larger loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.coil_field import CoilShape
+from eimi_fitting.beam.loads import Loads
+from eimi_fitting.inference.doubts.possible_causes import Assumed, Change, PossibleCause, of_source
+
+Array = NDArray[np.float64]
+
+_GRADIENT_AT_M = 0.01  # distance at which a curved field has the gradient that is given as its size
+
+
+def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
+    def change(assumed: Assumed, amplitudes: Array) -> Assumed:
+        loads = loads_of(assumed.experiment.loads, amplitudes)
+        return replace(assumed, experiment=replace(assumed.experiment, loads=loads))
+
+    return change
+
+
+def _softened(loads: Loads, stiffness: Array) -> Loads:
+    """Return the loads of K states divided by ``stiffness`` (K,), because a softer beam bends as under larger loads.
+
+    ``stiffness`` has the factor on the stiffness of the beam in each state.
+    """
+    over = 1 / stiffness[:, None]
+    return replace(
+        loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
+    )
+
+
+def _crept(loads: Loads, amplitudes: Array) -> Loads:
+    """Return larger loads that describe a beam that softens in proportion to time, with equal time between states.
+
+    The only amplitude is the share of the stiffness that is lost between the first and the last state.
+    """
+    return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
+
+
+def strengths(loads: Loads) -> Array:
+    """Return a measure of the size of the load in each of K states, (K,).
+
+    The measure is the sum of two ratios: the field divided by the largest field of all states, and the tip force
+    divided by the largest tip force.
+    """
+    sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
+    return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
+
+
+def directions_of_change(loads: Loads) -> Array:
+    """Return 1 for a state after an increase of the load (`strengths`) and -1 after a decrease, for K states, (K,)."""
+    steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
+    for k in range(1, len(steps)):
+        steps[k] = steps[k] or steps[k - 1]
+    return np.asarray(steps)
+
+
+def _lagging(loads: Loads, amplitudes: Array) -> Loads:
+    """Return larger loads in the states after a decrease of the load, which describe a softer beam (hysteresis).
+
+    The only amplitude is the share of the stiffness that is missing in these states.
+    """
+    return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
+
+
+def _graded(loads: Loads, amplitudes: Array) -> Loads:
+    """Return the loads with a field whose strength varies in space: with two gradients and a curvature.
+
+    A gradient is the relative change of the field strength per metre. The first two amplitudes are gradients along and
+    across the straight beam. The third amplitude describes a curvature, which is a gradient along the axis of the coil
+    that grows with the distance from the position of the magnet at rest. The amplitude is the gradient at a distance of
+    10 mm.
+    """
+    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
+    size = float(np.linalg.norm(strongest))
+    if not size:
+        return loads
+    shape = loads.coil or CoilShape((float(strongest[0] / size), float(strongest[1] / size)))
+    along, across = shape.gradient_per_m
+    graded = replace(
+        shape,
+        gradient_per_m=(along + float(amplitudes[0]), across + float(amplitudes[1])),
+        curvature_per_m2=shape.curvature_per_m2 + float(amplitudes[2]) / (2 * _GRADIENT_AT_M),
+    )
+    return replace(loads, coil=graded)
+
+
+_BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
+
+CAUSES_IN_LOADS: tuple[PossibleCause, ...] = (
+    of_source(
+        "moment",
+        "moment",
+        (0.05,),
+        "the field of the magnet at a known distance, or a bending test with weights in place of the field",
+        ("remanence", "coil", "magnet-length", "magnet-width", "magnet-depth"),
+    ),
+    of_source("field_direction", "field", (2.0,), "the direction of the field with a gaussmeter (field_angle_deg)"),
+    PossibleCause(
+        "field_gradient",
+        "uneven field of the coil",
+        "1/m",
+        (2.0, 2.0, 2.0),
+        _by_loads(_graded),
+        "the field at several places with a gaussmeter",
+        "field-gradient",
+    ),
+    of_source(
+        "background_field",
+        "background-field",
+        (0.05, 0.05),
+        f"{_BOTH_POLARITIES}, or a gaussmeter at zero current",
+        ("offset",),
+    ),
+    PossibleCause(
+        "creep",
+        "softening during the run",
+        "1",
+        (0.1,),
+        _by_loads(_crept),
+        "one current repeated at the beginning and at the end of the run",
+    ),
+    PossibleCause(
+        "hysteresis",
+        "softening after a decrease of the load",
+        "1",
+        (0.05,),
+        _by_loads(_lagging),
+        "the same currents with increasing and with decreasing steps",
+    ),
+)

@@ -1,0 +1,152 @@
+"""List the possible causes of residuals that belong to the camera or to the calibration of its pictures.
+
+A cause is a possible error of a bench (`inference.doubts.possible_causes`). These causes displace the measured points,
+and do not bend the beam differently. A wrong direction of the beam in the picture also changes the loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.doubts.possible_causes import Assumed, Change, PossibleCause, of_source
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.measurements import EdgeObservation
+
+Array = NDArray[np.float64]
+
+_STAND_OFF_MM = 300.0  # distance of a camera whose stand-off is not stated
+_FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion is computed exactly, a multiple of R
+
+
+def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
+    """Return a function that displaces the measured points of an experiment in the picture.
+
+    Parameters
+    ----------
+    displacement : callable
+        Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes (sizes of the error). Returns
+        the displacements of these positions in mm, (..., 2). The displacement of the clamp is subtracted from all
+        displacements, because positions are measured from the clamp.
+    shift : int, optional
+        Index of the first of two amplitudes that displace all points in x and y by a length in mm. Such a shift is
+        needed if the position of the clamp comes from another picture, in which the clamp is not displaced.
+
+    Returns
+    -------
+    callable
+        Takes the assumptions of a fit and amplitudes, and returns the assumptions with displaced measured points.
+    """
+
+    def change(assumed: Assumed, amplitudes: Array) -> Assumed:
+        experiment, places = assumed.experiment, _measured(assumed.experiment)
+        by = displacement(experiment, places, amplitudes) - displacement(experiment, np.zeros(2), amplitudes)
+        if shift is not None:
+            by = by + amplitudes[shift : shift + 2]
+        # The cause has displaced the measured points. Subtracting the displacement gives the true places.
+        key = "points_mm" if isinstance(experiment.observed, EdgeObservation) else "moved_mm"
+        moved: dict[str, Any] = {key: places - by}
+        return replace(assumed, experiment=replace(experiment, observed=replace(experiment.observed, **moved)))
+
+    return change
+
+
+def _measured(experiment: Experiment) -> Array:
+    observed = experiment.observed
+    return observed.points_mm if isinstance(observed, EdgeObservation) else observed.moved_mm
+
+
+def _centre(experiment: Experiment) -> Array:
+    """Return the point (x, y) at which the axis of the lens meets the plane of the beam, (2,) in mm.
+
+    If the axis is not known, return the middle of the measured points that the fit uses.
+    """
+    observed = experiment.observed
+    if isinstance(observed, EdgeObservation) and observed.view is not None:
+        return observed.view.centre_mm
+    used = _measured(experiment)[np.isfinite(observed.sigma_mm)]
+    return np.asarray(0.5 * (used.min(axis=0) + used.max(axis=0)))
+
+
+def _stand_off_mm(experiment: Experiment) -> float:
+    observed = experiment.observed
+    view = observed.view if isinstance(observed, EdgeObservation) else None
+    return _STAND_OFF_MM if view is None else view.stand_off_mm
+
+
+def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacements in mm of the positions ``places`` by a radial distortion of the lens.
+
+    Positions (x, y) in mm and displacements have the shape (..., 2). Let R be the distance of the farthest measured
+    point from the assumed centre of the lens. A position with the vector r from the true axis of the lens is displaced
+    by k |r|^2 / R^2 times r. The first amplitude is k, the relative distortion at the distance R. The next two
+    amplitudes are k / R times the distance in x and y of the true axis from the assumed centre. If the axis is more
+    than 2 R from the centre, only the terms that are linear in the amplitudes are kept.
+    """
+    centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
+    used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
+    farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
+    share = (places - centre) / farthest_mm
+    if float(np.linalg.norm(off_centre)) <= _FARTHEST_AXIS * abs(radial) and radial:
+        from_axis = share - off_centre / radial
+        return np.asarray(farthest_mm * radial * (from_axis**2).sum(axis=-1, keepdims=True) * from_axis)
+    square = (share**2).sum(axis=-1, keepdims=True)
+    by_axis = 2 * (share @ off_centre)[..., None] * share + square * off_centre
+    return np.asarray(farthest_mm * (radial * square * share - by_axis))
+
+
+def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera in degrees.
+
+    A positive first tilt brings the points at larger x nearer to the camera, and a positive second tilt the points at
+    larger y.
+    """
+    from_centre = places - _centre(experiment)
+    nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
+    return np.asarray(nearer[..., None] * from_centre)
+
+
+def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
+    """Return the displacements in mm, (..., 2), of positions (x, y) in mm if the beam is farther from the camera.
+
+    The first of ``amplitudes`` is the distance in mm of the beam behind the plane of the calibration.
+    """
+    return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
+
+
+CAUSES_IN_PICTURES: tuple[PossibleCause, ...] = (
+    of_source("roll", "roll", (1.0,), "a plumb line in the picture"),
+    of_source("clamp_angle", "axis", (0.5,), "a picture of the clamp's edge beside a plumb line (axis_angle_deg)"),
+    of_source("clamp_offset", "clamp", (0.3, 0.3), "a picture of the clamp's edge (clamp_midpoint_px)"),
+    of_source("scale", "scale", (0.01,), "a scale in the plane of the beam (pixels_per_mm)"),
+    PossibleCause(
+        "distance",
+        "distance of the beam from the plane of calibration",
+        "mm",
+        (5.0,),
+        _by_picture(_farther),
+        "a scale in the plane of the beam, or the distances of beam and calibration target from the lens",
+    ),
+    PossibleCause(
+        "distortion",
+        "radial distortion of the lens",
+        "1",
+        (0.01, 0.005, 0.005, 0.1, 0.1),
+        _by_picture(_distorted, shift=3),
+        "a calibration with a board over the whole picture",
+        shown=1,
+    ),
+    PossibleCause(
+        "camera_pitch",
+        "pitch of the camera",
+        "deg",
+        (1.0, 1.0),
+        _by_picture(_pitched),
+        "a calibration board in the plane of the beam",
+        "tilt",
+    ),
+)

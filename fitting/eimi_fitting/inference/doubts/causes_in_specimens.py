@@ -1,0 +1,116 @@
+"""List the possible causes of residuals that belong to the specimen, its clamp, or the law of its material.
+
+A cause is a possible error of a bench (`inference.doubts.possible_causes`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.beam.rest_modes import WAIST, with_modes
+from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause, by_sources, of_source
+from eimi_fitting.inference.doubts.twisted_picture import without_twist
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.laws.sum_of_terms import SumOfTerms
+
+Array = NDArray[np.float64]
+
+
+def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Return the assumptions of a fit with a beam whose width varies.
+
+    The two amplitudes in mm are the change of the width from the clamp to the end of the flexible part, and the width
+    at both ends minus the width in the middle.
+    """
+    assumed = by_sources({("taper", 0): 1.0})(assumed, amplitudes[:1])
+    if not amplitudes[1]:
+        return assumed
+    model = assumed.experiment.model
+    waisted = with_modes(model.specimen, (), (0.0, float(amplitudes[1]) / WAIST))
+    return replace(assumed, experiment=replace(assumed.experiment, model=model.of(waisted)))
+
+
+def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Return the assumptions of a fit with measured edges from which the effect of a twist is subtracted.
+
+    The magnet twists the beam if its moment points out of the plane of the picture. The only amplitude is the angle
+    between moment and plane in degrees.
+    """
+    law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
+    return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
+
+
+_AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
+    "neo-hookean": (("i1",), (1.0,)),
+    "mooney-rivlin": (("i1", "i2"), (2.0, 2.0)),
+    "yeoh": (("i1", "i1^2", "i1^3"), (2.0, 1.0, 1.0)),
+}
+"""For some laws, the names of the terms, and for each term its coefficient divided by the parameter of the law."""
+
+
+def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
+    """Return the assumptions of a fit with two more terms of the law, (I1 - 3)^2 and I2 - 3.
+
+    The two amplitudes are the coefficients of the terms as shares of the initial shear modulus. The initial shear
+    modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
+    """
+    if assumed.law.name not in _AS_TERMS or not amplitudes.any():
+        return assumed
+    terms, factors = _AS_TERMS[assumed.law.name]
+    coefficients = dict(zip(terms, assumed.parameters[0] * factors, strict=True))
+    modulus = float(assumed.law.initial_shear_modulus(assumed.parameters)[0])
+    quadratic, second = modulus * amplitudes
+    coefficients["i1^2"] = coefficients.get("i1^2", 0.0) + quadratic
+    coefficients["i2"] = coefficients.get("i2", 0.0) + second
+    coefficients["i1"] -= second
+    return replace(assumed, law=SumOfTerms.of(*coefficients), parameters=np.array([list(coefficients.values())]))
+
+
+_REST_PICTURE = "two pictures without field, the second with the beam turned by 180 degrees about its axis"
+_BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
+
+CAUSES_IN_SPECIMENS: tuple[PossibleCause, ...] = (
+    PossibleCause(
+        "clamp_softness",
+        "softness of the clamp",
+        "mm",
+        (0.3,),
+        by_sources({("length", 0): 1.0, ("clamp", 0): -1.0}),
+        "the angle of the beam at the clamp under load in an enlarged picture, or a stiffer clamp",
+    ),
+    of_source("rest_shape", "rest-shape", (0.5, 0.3, 0.3), _REST_PICTURE),
+    PossibleCause(
+        "taper",
+        SOURCES["taper"].words,
+        SOURCES["taper"].unit,
+        (0.06, 0.03),
+        _tapered,
+        "the width at both ends and in the middle of the beam",
+        "taper",
+    ),
+    of_source("width", "width", (0.05,), "the width at several places"),
+    of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
+    PossibleCause(
+        "magnetisation_out_of_plane",
+        "twist by a magnetisation out of the plane of the picture",
+        "deg",
+        (3.0,),
+        _untwisted,
+        "a picture of the tip along the beam",
+    ),
+    PossibleCause(
+        "section", "planar section of a solid beam", "1", (1.0,), None, 'a fit with section = "solid"', is_common=True
+    ),
+    PossibleCause(
+        "law",
+        "another law",
+        "1",
+        (0.1, 0.3),
+        _with_terms,
+        "a fit of the other laws, larger fields, or a tensile curve",
+        is_common=True,
+    ),
+)

@@ -1,0 +1,123 @@
+"""Collect the coefficients of all hypotheses about the causes of residuals, and how each of them changes the data.
+
+The data are the coefficients of polynomials along each edge (`inference.doubts.edge_coefficients`). The model is
+described in `inference.doubts.causes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.doubts.edge_coefficients import Projection
+from eimi_fitting.inference.doubts.possible_causes import PossibleCause
+from eimi_fitting.inference.doubts.signatures import About, Column
+from eimi_fitting.inference.evidence.quantity import NORMAL_95
+from eimi_fitting.inference.interval.noise import Effect
+
+Array = NDArray[np.float64]
+
+# Length that the remaining error of the meshes at the clamp adds; 0.007 mm on a virtual solid of 26 x 3 elements.
+_CORNERS_MM = 0.01
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """The C coefficients of all hypotheses, in the order law, inputs, errors of the corrections, causes.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (C + 1, N)
+        Change of the N data in mm by one prior standard deviation of each coefficient. The last row is zero.
+    scale : ndarray, shape (C + 1,)
+        Prior standard deviation of each coefficient; 1 for the last row.
+    law, simulated, common : int
+        Number of the coefficients of the law; of the law and the inputs, which can be simulated; and of those that do
+        not belong to causes.
+    of_inputs, of_causes : list of list of int
+        Row indices of the coefficients of each uncertain input and of each cause (possible error of the bench).
+    columns : list of Column
+        The amplitudes of the inputs and then of the causes.
+    remaining : ndarray, shape (E, N)
+        Changes of the data in mm by the standard uncertainties of E corrections by better beam models.
+    """
+
+    rows: Array
+    scale: Array
+    law: int
+    simulated: int
+    common: int
+    of_inputs: list[list[int]]
+    of_causes: list[list[int]]
+    columns: list[Column]
+    remaining: Array
+
+    @staticmethod
+    def of(
+        about: About,
+        project: Projection,
+        effects: Sequence[Effect],
+        stated: Mapping[PossibleCause, Sequence[Column]],
+        columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
+    ) -> Coefficients:
+        """Return the coefficients of a fit.
+
+        Parameters
+        ----------
+        about : About
+            The optimum of the fit, with the slopes of the law.
+        project : Projection
+            The map from residuals to data.
+        effects : sequence of Effect
+            The corrections by better beam models.
+        stated, columns_by_cause : mapping of PossibleCause to sequence of Column
+            The amplitudes of each uncertain input and of each cause.
+        """
+        # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
+        corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
+        inputs, of_causes = ([c for cs in some.values() for c in cs] for some in (stated, columns_by_cause))
+        law = len(about.law_spread)
+        common = law + len(inputs) + len(effects) + len(corners)
+        scale = [
+            *about.law_spread,
+            *(column.size for column in inputs),
+            *(effect.remaining_share for effect in effects),
+            *([_CORNERS_MM] * len(corners)),
+            *(column.size for column in of_causes),
+            1.0,
+        ]
+        changes = [
+            *(column.changes for column in inputs),
+            *(effect.correction.changes for effect in effects),
+            *(column.changes for column in (*corners, *of_causes)),
+        ]
+        slopes = [project.of(about.slopes), *(project.of(change)[None] for change in changes)]
+        size = slopes[0].shape[-1]
+        remaining = [effect.remaining_share / NORMAL_95 * project.of(effect.correction.changes) for effect in effects]
+        return Coefficients(
+            np.array(scale)[:, None] * np.concatenate([*slopes, np.zeros((1, size))]),
+            np.array(scale),
+            law,
+            law + len(inputs),
+            common,
+            _blocks(stated.values(), law),
+            _blocks(columns_by_cause.values(), common),
+            [*inputs, *of_causes],
+            np.array(remaining).reshape(len(effects), size),
+        )
+
+    def column(self, row: int) -> Column:
+        """Return the amplitude of one row, which belongs to an input or to a cause."""
+        return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
+
+
+def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
+    """Return the indices of consecutive rows, the first of which is ``first``, for each sequence of columns."""
+    blocks = []
+    for some in columns:
+        blocks.append(list(range(first, first + len(some))))
+        first += len(some)
+    return blocks

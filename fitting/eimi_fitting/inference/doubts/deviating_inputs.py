@@ -1,0 +1,97 @@
+"""Find the inputs whose deviation from the stated values the residuals show, within what the files state.
+
+Every hypothesis about the causes of the residuals contains the inputs with a stated uncertainty
+(`inference.doubts.stated_inputs`). If the stated uncertainties explain the residuals, no cause beyond them is probable.
+A file may nevertheless be wrong by two standard uncertainties, and the residuals may show which input it is. The causes
+are therefore weighed again for each input, as if this input had exactly its stated value and the others stayed
+uncertain. If the deviation of the input is then the most probable cause of the residuals, the residuals show it. An
+unstated error with the same effect on the residuals is weighed too, and the two share their probability.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eimi_fitting.inference.doubts.marginal_likelihood import Posterior
+from eimi_fitting.inference.doubts.weighing import NEGLIGIBLE, Exact, Weighing
+
+Array = NDArray[np.float64]
+
+_SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation by less than 9 to 1
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A deviation of an input that the residuals show and that is not beyond its stated uncertainty.
+
+    Parameters
+    ----------
+    cause : int
+        Index of the cause that is the same error as the deviation.
+    probability : float
+        Probability that the deviation is present and not negligible.
+    value : float
+        The deviation in the unit of the cause, with the sign of its largest part.
+    moved : float
+        Change of the first unknown of the law by the deviation, in unit coordinates.
+    like : tuple of int
+        Indices of other causes that the residuals do not distinguish from this cause.
+    """
+
+    cause: int
+    probability: float
+    value: float
+    moved: float
+    like: tuple[int, ...]
+
+
+def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
+    """Return the deviations of inputs that the residuals show, by the index of their cause.
+
+    Parameters
+    ----------
+    weighing : Weighing
+        The hypotheses about the causes of the residuals (possible errors of the bench).
+    posterior : Posterior
+        Evidence and coefficients of the hypotheses.
+    base : int
+        Index of the most probable hypothesis. Its causes are not returned.
+    """
+    found: dict[int, Deviation] = {}
+    for cause in range(len(weighing.blocks)):
+        rows = weighing.rows_of_inputs(cause)
+        if not rows or cause in weighing.hypotheses[base]:
+            continue
+        if weighing.squares_of(base, posterior, rows) < _SEEN:
+            continue
+        exact = weighing.if_exact(base, rows)
+        group = next(members for members in exact.classes if cause in members)
+        for member in group:
+            shown = weighing.blocks[member][: weighing.shown(member)]
+            amplitudes = exact.posterior.means[1 + exact.causes.index(member), shown]
+            if member == cause:
+                amplitudes = weighing.as_cause(rows, posterior.means[base, rows], cause)
+            one = _deviation(weighing, exact, member, amplitudes, group)
+            if member not in found or found[member].probability < one.probability:
+                found[member] = one
+    return found
+
+
+def _deviation(weighing: Weighing, exact: Exact, cause: int, amplitudes: Array, group: tuple[int, ...]) -> Deviation:
+    row, shown = 1 + exact.causes.index(cause), weighing.blocks[cause][: weighing.shown(cause)]
+    in_sizes = amplitudes / weighing.scale(shown)
+    largest = int(np.argmax(np.abs(in_sizes)))
+    mean = exact.posterior.means[row, shown[largest]] / weighing.scale(shown)[largest]
+    spread = np.sqrt(max(exact.posterior.squares[row, shown[largest]] - mean**2, 1e-12))
+    beyond = sum(NormalDist().cdf((sign * in_sizes[largest] - NEGLIGIBLE) / spread) for sign in (1, -1))
+    return Deviation(
+        cause,
+        float(exact.probability[row] * beyond),
+        float(np.copysign(np.linalg.norm(amplitudes), amplitudes[np.argmax(np.abs(amplitudes))])),
+        float(exact.posterior.means[row, 0] - exact.posterior.means[0, 0]),
+        tuple(other for other in group if other != cause),
+    )

@@ -1,0 +1,56 @@
+"""Compute how the inputs with a stated or assumed uncertainty change the residuals of a fit, under every hypothesis.
+
+An input with a stated standard uncertainty is uncertain under every hypothesis about the causes of the residuals, as it
+is in the interval of the fit (`inference.interval.considered`). An input that the fit has determined (a freed input) is
+uncertain, too, with the prior of the fit. A deviation of such an input within its uncertainty is no error of the bench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from eimi_fitting.inference.doubts.possible_causes import PossibleCause, of_source
+from eimi_fitting.inference.doubts.signatures import About, Column, signature
+from eimi_fitting.inference.evidence.sources import SOURCES
+from eimi_fitting.inference.interval.considered import sources_of
+
+Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and standard uncertainty
+
+
+def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
+    """Return each uncertain number of the inputs of a fit as an amplitude with its signature, by source.
+
+    The signature is the change of the residuals in mm for a deviation of one. A source (an uncertain input) is returned
+    as a `PossibleCause` whose name is the key of the source. An input that was measured, such as the shape at rest, is
+    left out.
+
+    Parameters
+    ----------
+    about : About
+        The optimum of the fit.
+    possible : sequence of PossibleCause
+        The causes. A freed input that belongs to no cause is left out, because it is one of the unknowns of `About`.
+    """
+    columns: dict[PossibleCause, tuple[Column, ...]] = {}
+    for source, part, datasets, sigma in _numbers(about, possible):
+        start = about.freed_start(source, part, datasets[0])
+        as_cause = of_source(source, source, (1.0,) * len(SOURCES[source].parts), "")
+        changes = tuple(
+            signature(about.solved[i], as_cause, part, sigma) if i in datasets else None
+            for i in range(len(about.solved))
+        )
+        if about.is_seen(changes, sigma):
+            columns[as_cause] = (*columns.get(as_cause, ()), Column(part, datasets, sigma, start, changes))
+    return columns
+
+
+def _numbers(about: About, possible: Sequence[PossibleCause]) -> Iterator[Number]:
+    experiments = about.problem.experiments
+    for group in sources_of(about.problem):
+        if not any(experiments[i].measured.get(group.source) for i in group.datasets):
+            for part in range(len(SOURCES[group.source].parts)):
+                yield group.source, part, group.datasets, group.standard_uncertainty or 0.0
+    of_causes = {cause.source for cause in possible}
+    for freed in about.problem.unknowns.freed:
+        if freed.source in of_causes and not any(experiments[i].measured.get(freed.source) for i in freed.datasets):
+            yield freed.source, freed.part, freed.datasets, freed.spread
