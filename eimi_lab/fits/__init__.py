@@ -5,7 +5,7 @@ measured_conditions  the measured field in place of the coil constant in the cal
 measured_record      the measured field and temperatures of a dataset, as a result file holds them
 measured_remarks     sentences on measured fields and temperatures, and on their differences between datasets
 states_used          the states that a fit uses and leaves out, with the flags (failed quality checks) of these states
-perspective          detect in the edges that the lens shows the depth of the beam in perspective
+perspective          detect in the edges that the lens is not telecentric
 before_search        check a dataset for errors that no material could explain
 options              the options of a fit
 fitting              check the options of a fit, and explain why a fit is refused
@@ -21,9 +21,9 @@ fits_file            compare the laws of several fits; write and read fits.json
 grades               grade how well a fit is supported
 fit_summary          print a fit and the comparison of laws
 assumptions          the bulk modulus and the values of uncertain inputs (nuisances) that a fit assumes for a dataset
-simulated_fit        simulate a fit on a dataset, and compute its error
-prediction           simulate several fits on several datasets, and share the work among processes
-predicted_error      compute the interval of the error of a fit on a dataset
+simulated_fit        simulate the edges of a dataset with a fitted law, and compute the error of these edges
+prediction           simulate several datasets with several fitted laws, and share the work among processes
+predicted_error      compute the interval of the error of the simulated edges
 validation           the errors of a fit on a dataset, and validation.json
 validation_tables    print validations
 planning             plan the states, the mounting and the specimen of the next run

@@ -1,4 +1,4 @@
-"""Detect in the measured edges that the lens shows the depth of the beam in perspective.
+"""Detect in the measured edges that the lens is not telecentric: near parts of the beam look larger than far parts.
 
 An ordinary lens shows the near face of the beam larger than the far face, and the outline in the picture encloses both
 faces. Let S be the stand-off of the lens (its distance from the beam), and a the distance of an edge from the optical

@@ -1,4 +1,4 @@
-"""Simulate a fit on a dataset, and compute its error.
+"""Simulate the edges of a dataset with a fitted law, and compute the error of these edges.
 
 If the law was fitted to this dataset, the uncertain inputs that were fitted with the law (freed nuisances, such as the
 magnetic moment) keep their identified values. On any other dataset these inputs have the values in the input files. The

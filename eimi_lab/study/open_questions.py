@@ -2,8 +2,9 @@
 
 The questions concern compressibility, magnetic moment, number of states and choice of optimiser.
 
-The first three questions use a specimen of type 1 made of a Neo-Hookean silicone. The law of the fit is then the true
-law, so that each deviation is due to the input in question. Each answer is a list of rows for JSON.
+The first three questions use the specimen "type 1", the first of the four shapes of specimen in the paper, made of a
+Neo-Hookean silicone. The law of the fit is then the true law, so that each deviation is due to the input in question.
+Each answer is a list of rows for JSON.
 """
 
 from __future__ import annotations

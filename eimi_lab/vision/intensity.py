@@ -41,10 +41,10 @@ def grey(image: ArrayLike) -> NDArray[Any]:
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """Return an image of H by W finite pixels, type uint8 or float32, shape (H, W) or (H, W, 3).
+    """Return an image as uint8 or float32, shape (H, W) or (H, W, 3); values that are not finite become 0.
 
-    Of two channels, the first channel is returned. Of more than three channels, the first three are returned. Raise
-    ValueError if the array has another shape.
+    Of an image with two channels, the first channel is returned. Of an image with more than three channels, the first
+    three are returned. Raise ValueError if the array has another shape.
     """
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:

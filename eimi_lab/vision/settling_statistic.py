@@ -201,16 +201,17 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
-    """Return rectangles of pixels that together contain each column of a strip in which `possible` is true.
+    """Return rectangles of pixels that together contain every place at which `possible` is true.
 
-    Few large rectangles take less time than many small ones, because each computation of the steepness costs time.
-    Columns at most `STRIP_ROWS` apart are therefore in one rectangle. Two rectangles in neighbouring strips are
-    replaced by the smallest rectangle that contains both, if this adds at most `SPARE_COLUMNS` columns of a strip.
+    A place is one column of one strip of rows. Few large rectangles take less time than many small ones, because each
+    computation of the steepness costs time. Columns at most `STRIP_ROWS` apart are therefore in one rectangle. Two
+    rectangles in neighbouring strips are replaced by the smallest rectangle that contains both, if this adds at most
+    `SPARE_COLUMNS` places.
 
     Parameters
     ----------
     possible : ndarray of bool, shape (S, W)
-        Whether a column of a strip of `STRIP_ROWS` rows may contain a steep gradient.
+        Whether a steep gradient is possible in each column of each strip of `STRIP_ROWS` rows.
 
     Returns
     -------

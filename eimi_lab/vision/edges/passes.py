@@ -393,10 +393,10 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
     """Return the arc lengths (px) at which an edge is searched, evenly spaced from `begin` to `end`, and a stride s.
 
-    Every s-th arc length belongs to a point that is kept. There are at most `MOST_POINTS` such points, at least
-    `spacing` apart. The other arc lengths serve only to estimate the scatter of the points. The stride is so large that
-    neighbouring arc lengths are at most `widest` apart, unless they would be closer than the width of a profile (the
-    strip of the picture from which grey values are read).
+    Only every s-th arc length gives a point of the result. The other arc lengths serve to estimate the scatter of the
+    points. The result has at most `MOST_POINTS` points, at least `spacing` apart. The stride s is chosen so that
+    neighbouring arc lengths are at most `widest` apart. It is smaller if neighbouring profiles would otherwise overlap
+    (a profile is read from a strip of the picture).
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

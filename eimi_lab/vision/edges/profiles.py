@@ -90,8 +90,9 @@ def read_profiles(
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Mean grey values of the k lines. The points on the k lines are shifted against each other, along the lines, by
-        fractions of a pixel with the mean zero, so that interpolation blurs every edge alike.
+        Mean grey values of the k lines. On each line, the distances `stations_px` are shifted by another fraction of a
+        pixel; the mean of the shifts is zero. The interpolation between pixels then blurs edges in all directions
+        alike.
     inside : ndarray of bool, shape (n,)
         Whether a profile lies entirely in the image.
     """
@@ -271,7 +272,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns of a fit of blurred steps that all profiles (grey values along lines across the edge) share.
+    """The common unknowns of a fit of blurred steps to many profiles (grey values along lines across the edge).
 
     `values` contains the standard deviation of the blur, followed by the widths of the silicone on k sides of the
     magnet. All are in px, and the shape is (1 + k,).

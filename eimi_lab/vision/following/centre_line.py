@@ -67,7 +67,8 @@ class CentreLine:
 
         A search step extends a strip, a band of the picture that may show the beam; the gain of the step is added to
         the score of the strip. Let d be the distance between the end of the step and the part of the line that is about
-        equally far from the clamp. The gain is
+        equally far from the clamp. With the attributes `evidence`, `free_px` and `largest_cost` of this line, the gain
+        is
 
         evidence                      if d <= free_px,
         - min(e² / 2, largest_cost)   if d > free_px, with e = (d - free_px) / (half of the beam's width),

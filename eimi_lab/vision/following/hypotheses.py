@@ -38,7 +38,10 @@ _LATERAL = 0.15  # share of the variance across the strip: a round beam is shade
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips (bands) of the picture that may show the beam, each described at its outer end. Lengths are in px.
+    """n strips (bands) of the picture that may show the beam, during the search from the clamp outward.
+
+    Place, direction, curvature and width of a strip are those at its end away from the clamp (outer end). Lengths are
+    in px.
 
     Attributes
     ----------
@@ -56,8 +59,8 @@ class Hypotheses:
         Variance of the colours inside the strip near the clamp, summed over the colour channels. A colour farther
         outward counts as equal to the remembered colour if the two differ by less than three standard deviations.
     variance : ndarray, shape (n,)
-        Like `tolerance`, but reduced during the search if the colours vary less farther from the clamp. The change of
-        colour at a side of the strip is clear if it is large compared with this variance.
+        Like `tolerance`, but reduced during the search if the colours of the strip vary less at larger distances from
+        the clamp. The change of colour at a side of the strip is clear if it is large compared with this variance.
     score : ndarray, shape (n,)
         Sum of the gains of all search steps. A gain measures how clearly the picture shows both edges, less the costs
         of bends.

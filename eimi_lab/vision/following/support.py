@@ -244,19 +244,20 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 @dataclass(frozen=True)
 class _Chain:
-    """A chain of runs of one edge, and how the edge and the width of the beam continue at its outer end.
+    """A chain: the stations of one edge that were joined across gaps, because they probably belong to the same line.
 
-    A run is a sequence of neighbouring stations (places along the beam) at which the edge is sure (reliable).
+    A station is a place along the beam. The longest chain is taken as the edge of the beam. The attributes other than
+    `stations` decide whether the stations after the next gap continue the chain.
 
     Attributes
     ----------
     stations : ndarray of int, shape (n,)
-        The stations of the chain.
+        The stations of the chain, from the clamp outward.
     end : ndarray, shape (2,)
         The last point of the edge, px.
     foot, direction : ndarray, shape (2,)
-        The point nearest to `end` on the straight line through the last points of the edge, px, and the unit vector
-        along this line, away from the clamp.
+        The straight line through the last points of the edge: its point nearest to `end`, px, and the unit vector along
+        it, away from the clamp.
     width : float
         Median width of the beam at the last stations, in nominal widths; NaN if fewer than three widths are known.
     """
@@ -272,18 +273,20 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Return the chain that consists of the given stations (places along the beam).
+        """Return the chain with the given stations, and measure direction and width at its end away from the clamp.
 
         Parameters
         ----------
         seam : ndarray, shape (m, 2)
-            The points of the edge at all stations, px.
+            The points of the edge at all stations (places along the beam), px.
         width : ndarray, shape (m,)
             Width of the beam in nominal widths; NaN where it is unknown.
         stations : ndarray of int, shape (n,)
-            The stations of the chain.
-        lever, near : int
-            Number of stations at the end over which the direction and the width are measured.
+            The stations of the chain, from the clamp outward.
+        lever : int
+            Number of stations, the last ones of the chain, to which a straight line is fitted for the direction.
+        near : int
+            Number of stations, the last ones of the chain, over which the median of the width is taken.
         """
         last = seam[stations[-lever:]]
         end, middle = last[-1], last.mean(axis=0)

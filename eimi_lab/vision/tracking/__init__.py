@@ -1,4 +1,4 @@
-"""Follow the beam from frame to frame of a recording. This takes less time than a fast camera needs to take them.
+"""Follow the beam from frame to frame of a recording, fast enough to keep up with a fast camera.
 
 beam_curve      the centre line of a beam of fixed length, as a curve with few parameters
 beam_tracker    find the beam in each frame near its place in the previous frames

@@ -259,9 +259,9 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Return the result of the search for the problem ``coarse``; raise NothingConverged if no candidate is valid.
+    """Search for the optimum on a mesh of few elements (``coarse``); raise NothingConverged without a valid candidate.
 
-    The problem ``coarse`` has a mesh of few elements. ``options`` are the options of the search, such as its seed.
+    ``options`` are the options of the search, such as its seed.
     """
     result = search(
         lambda units: coarse.evaluate(units, independent_points),

@@ -6,8 +6,9 @@ the optimum of r. The fit is repeated with the residuals
     r(x) + R(x_0) - r(x_0)
 
 (deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R. The computation
-costs little more than one candidate on the better model. The changes R - r of several better models are added. A share
-of the change of the optimum remains uncertain. This share counts as the 95 % bound of a normal error in the interval.
+costs little more than one candidate on the better model. The changes R - r of several better models are added. The
+better models are not exact, either. Their error is estimated as a share of the change of the optimum by the correction.
+The interval of the fit contains this error as a normal error, with the estimate as its 95 % bound.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
 the displacement at the distance d from the corner grows as d^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent

@@ -203,7 +203,8 @@ class Comparison:
     def objective_mm(self) -> Array:
         """Mean over all states of ``error_mm``, for P candidate laws, shape (P,), in mm.
 
-        The value is `DISCARDED_MM` for a candidate without an equilibrium or with an unstable law.
+        The value is a very large number (`DISCARDED_MM`) for a candidate without an equilibrium or with an unstable
+        law.
         """
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 

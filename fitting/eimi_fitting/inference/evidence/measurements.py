@@ -98,9 +98,11 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y (b, n) of the vector in ``of_segment`` that belongs to the segment nearest to each point.
+        """Return the vector of the segment nearest to each point, as two arrays: x (b, n) and y (b, n).
 
-        x and y are separate arrays, because operations on an array with an axis of length two are slower.
+        ``of_segment`` (b, S, 2) has one vector for each of the S segments of the b curves, such as the middle of the
+        segment. There are n points for each curve. x and y are separate arrays, because operations on an array with an
+        axis of length two are slower.
         """
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y

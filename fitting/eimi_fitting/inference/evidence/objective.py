@@ -91,7 +91,7 @@ class Evaluation:
         """The objective of P candidates in mm, which the search makes as small as possible, shape (P,).
 
         It is the mean error of edges or tracked points, increased by the residuals of tensile curves and priors. A
-        candidate without an equilibrium or with an unstable law in a state gets the value `DISCARDED_MM`.
+        candidate without an equilibrium or with an unstable law in a state gets a very large number (`DISCARDED_MM`).
         """
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
@@ -107,10 +107,10 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether the objective of each of P candidates has the largest value that a valid candidate can have, (P,).
+        """Whether tensile curves or priors contradict each of P candidates as strongly as can be represented, (P,).
 
-        Tensile curves or priors then contradict the candidate so strongly that its objective would be larger. The
-        largest value is 0.99 `DISCARDED_MM`.
+        The objective of a valid candidate is limited to 0.99 of the objective of an invalid candidate (`DISCARDED_MM`).
+        The result is True for a candidate at this limit.
         """
         return self.objective_mm == _MOST_MM
 
@@ -118,11 +118,11 @@ class Evaluation:
     def misfits(self) -> tuple[Misfit, ...]:
         """Residuals in mm for least squares: one `Misfit` for each experiment, and one for the other evidence.
 
-        The other evidence has the residuals z of tensile curves, freed inputs and priors, divided by their standard
-        deviations. z is converted to mm by the factor e sqrt(K / N), with the number K of states, the number N of
-        independent points and a common error e. e is the median of the mean errors of all valid candidates. The last
-        `Misfit` stands for one more state with the error e. Near the optimum, z then has the same weight in least
-        squares as in the objective.
+        The other evidence is the tensile curves, the priors of freed inputs and the priors of the law. Its residuals z
+        are divided by their standard deviations. Least squares need them in mm. They are therefore multiplied by e
+        sqrt(K / N), with the number K of states, the number N of independent points, and the median e of the mean
+        errors of all valid candidates. In the last `Misfit` they form one further state with the error e. Near the
+        optimum, z then has the same weight in least squares as in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -1,11 +1,11 @@
 """Normal priors on the parameters of a hyperelastic law.
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
-Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The fit weighs the prior against the
-noise of the edges alone. A wrong input, such as a wrong width of the beam, also changes the modulus that the edges
-give. The fit does not consider this error if the input keeps its stated value. If the error may be larger than the
-noise, free the input (let the fit determine it together with the law). The prior then also helps to determine the
-input.
+Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The weight of the edges against the
+prior depends only on the noise of the edges. A wrong input, such as a wrong width of the beam, also changes the modulus
+that the edges give. If the input keeps its stated value in the fit, this weight ignores a possible error of the input.
+Therefore, free an input whose error may have a larger effect than the noise (let the fit determine it together with the
+law). The prior then also helps to determine the input.
 """
 
 from __future__ import annotations

@@ -104,17 +104,18 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Setup:
-    """The factor on the field and the map from the beam to the picture of one dataset, for P candidates.
+    """How the strength of the field and the picture of the beam differ from their stated values, for P candidates.
 
-    A candidate is one set of values of the unknowns of a fit.
+    A candidate is one set of values of the unknowns of a fit. The candidates may assume different errors of the inputs,
+    such as a wrong coil constant or a shifted camera. A setup belongs to one dataset.
 
     Parameters
     ----------
     field_factor : ndarray, shape (P,)
-        Factor on the magnetic loads.
+        Factor on the magnetic loads; 1 for the stated field.
     linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
-        Linear map (``linear``) and shift in mm (``shift_mm``) from a true position in the beam frame to the position in
-        the picture.
+        Map from a true position in the beam frame to the position in the picture: the true position times ``linear``,
+        plus ``shift_mm``.
     """
 
     field_factor: Array
@@ -123,7 +124,7 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the factor on the field and the map to the picture for deviations of the inputs.
+        """Return the effect of given deviations of the inputs on the field and on the picture.
 
         Parameters
         ----------
@@ -136,7 +137,8 @@ class Setup:
         Returns
         -------
         Setup
-            Field factor and image map; deviations that change neither field nor image are ignored.
+            The factor on the field, and the map from true positions to positions in the picture. Deviations that change
+            neither of them are ignored.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -372,11 +374,12 @@ class Unknowns:
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return how the uncertain inputs that the fit determines change field and picture in each dataset.
+        """Return the effect of freed inputs on field and picture in each dataset; None if the fit frees no input.
 
-        The result has one `Setup` for each dataset, with values for P candidates: a factor on the field, and the map
-        from the beam to the picture. The result is None if the fit determines no uncertain input. ``unit`` has the n
-        unit coordinates (0 to 1) of each candidate, shape (P, n).
+        A freed input is an uncertain input that the fit determines together with the law. If it differs from its stated
+        value, the field may be stronger or weaker, or the picture may be shifted and rotated. The result has one
+        `Setup` for each dataset, with these effects for P candidates. ``unit`` has the n unit coordinates (0 to 1) of
+        each candidate, shape (P, n).
         """
         if not self.freed:
             return None

@@ -84,7 +84,7 @@ class _End:
 
     @property
     def off(self) -> float:
-        """The relative difference of the candidate's deviance from the target, |deviance / target - 1|."""
+        """How far the deviance of the present candidate is from the required deviance, |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property

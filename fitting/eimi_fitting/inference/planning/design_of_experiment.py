@@ -105,9 +105,18 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise of the edges from an earlier fit to ``states`` states.
+        """Return the noise of the edges for a planned run, from an earlier fit to a number of states.
 
         If the earlier fit did not separate noise from the errors of uncertain inputs, all residuals count as noise.
+
+        Parameters
+        ----------
+        earlier : Identifiability
+            The residuals, the noise and the numbers of points of the earlier fit.
+        states : int
+            Number of states of the earlier fit.
+        left_percent : float
+            95 % bound of the error of the modulus that remains after the correction for a solid section, in per cent.
         """
         independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
@@ -213,11 +222,14 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
 
-        A choice whose interval is near this bound can hardly be improved. The bound has two parts. For the noise, every
-        chosen state is assumed to determine the quantity as well as the best state does. For the uncertain inputs, the
-        errors of the quantity are computed that each single state would have. The error of a choice is a weighted mean
-        of the errors of its states, with weights that add up to one. The bound uses the weights for which the sum of
-        the squared errors by all inputs is smallest (non-negative least squares).
+        A choice whose interval is near this bound can hardly be improved. The bound has two parts: noise and uncertain
+        inputs. For the noise, every chosen state is assumed to determine the quantity as well as the best state does.
+
+        For the uncertain inputs, suppose first that only one state is measured. An error of an input by one standard
+        uncertainty then causes an error of the quantity, which differs from state to state. If several states are
+        measured, the error of the quantity is a weighted mean of these errors, with weights that add up to one. The
+        bound uses the weights for which the sum of the squares over all inputs is smallest (non-negative least
+        squares).
 
         Raises
         ------

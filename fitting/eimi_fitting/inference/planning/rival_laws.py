@@ -95,7 +95,10 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Linearise the states in which the beam has an equilibrium under two laws, to distinguish these laws.
+    """Compute what each possible state contributes to the distinction between two laws.
+
+    States in which the beam has no equilibrium under one of the laws are left out. The edges of the other states are
+    linearised.
 
     Parameters
     ----------

@@ -292,8 +292,8 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
     """Return the root mean square distance of the measured points from the simulated edges for S shear moduli, (S,).
 
-    The distance is in mm, for the points of all states of the experiment ``bent`` together. It is `DISCARDED_MM` for a
-    modulus without an equilibrium.
+    The distance is in mm, for the points of all states of the experiment ``bent`` together. It is a very large number
+    (`DISCARDED_MM`) for a modulus without an equilibrium.
     """
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))

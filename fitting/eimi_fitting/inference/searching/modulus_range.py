@@ -49,7 +49,8 @@ class Scan:
     moduli_Pa : ndarray, shape (S,)
         The moduli in Pa, in ascending order.
     objective_mm : ndarray, shape (S,)
-        The objective in mm of the candidate with each modulus; `DISCARDED_MM` for an unconverged or unstable candidate.
+        The objective in mm of the candidate with each modulus; a very large number (`DISCARDED_MM`) for an unconverged
+        or unstable candidate.
     """
 
     moduli_Pa: Array

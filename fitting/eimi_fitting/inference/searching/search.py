@@ -42,7 +42,7 @@ class Values(Protocol):
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives of P candidates in mm, shape (P,); `DISCARDED_MM` for an invalid candidate."""
+        """The objectives of P candidates in mm, (P,); a very large number (`DISCARDED_MM`) for an invalid candidate."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
@@ -258,7 +258,10 @@ def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
 
 
 class _Log:
-    """The generations of a search so far, and the objectives of the generations to replay."""
+    """The history of a search: its generations so far, and the stored objectives of an interrupted search.
+
+    The stored objectives replace the evaluation of the first generations (a replay).
+    """
 
     def __init__(
         self,
@@ -273,12 +276,15 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the objectives of the next generation to replay; None if all generations were replayed.
+        """Return the known objectives of the next generation of the search; None if they are not known.
+
+        They are known for the first generations, if an interrupted search is repeated with its stored objectives. These
+        generations need no evaluation.
 
         Raises
         ------
         OtherSearch
-            If the next generation to replay has another number of objectives than ``candidates``.
+            If the number of stored objectives differs from ``candidates``, the number of candidates of the generation.
         """
         if len(self.history) >= len(self._replay):
             return None
