@@ -29,6 +29,9 @@ REACHED_WITHIN_S = 3.0
 """
 
 POLL_S = 0.1
+HEED_EVERY_S = 0.02
+"""Longest time (s) of a pause between two steps of a ramp, or between two measurements, without a look for signals."""
+
 SIMULATED_CHECK_EVERY_S, SIMULATED_CHECK_AT_ZERO_EVERY_S = 2.0, 8.0
 """Intervals (s) between two checks of a simulated supply for faults: at a set-point other than zero, and at zero."""
 
@@ -320,9 +323,9 @@ class Coil:
             self._pause(began + elapsed + pause - self._clock.now(), stop_if_asked)
 
     def _pause(self, seconds: float, stop_if_asked: Callable[[], None]) -> None:
-        until = self._clock.now() + seconds
-        while (remaining_s := until - self._clock.now()) > POLL_S:
-            self._clock.sleep(POLL_S)
+        until, longest_s = self._clock.now() + seconds, POLL_S if self.simulated else HEED_EVERY_S
+        while (remaining_s := until - self._clock.now()) > longest_s:
+            self._clock.sleep(longest_s)
             stop_if_asked()
         self._clock.sleep(max(0.0, remaining_s))
 
@@ -362,7 +365,10 @@ class Coil:
             if self._clock.now() - began > REACHED_WITHIN_S:
                 self.out_of_control = True
                 raise self._off_target(measured)
-            self._clock.sleep(POLL_S)
+            if self.simulated:  # one step of the simulated time, so that its later events keep their times
+                self._clock.sleep(POLL_S)
+            else:
+                self._pause(POLL_S, stop_if_asked)
 
     def measured_A(self) -> float:
         """Measure and return the current of the coil, A.

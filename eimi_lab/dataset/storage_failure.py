@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+CONTINUE_STORED = "`eimi acquire --resume` continues the run"
+"""What a person at a terminal can do after a dataset could not be written any more."""
+
 
 class StorageFailed(OSError):
     """The error that is raised if a dataset can no longer be written.

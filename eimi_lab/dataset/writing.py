@@ -57,17 +57,15 @@ from eimi_lab.dataset.steps import (
     append_set_points,
     append_step,
 )
-from eimi_lab.dataset.storage_failure import StorageFailed
+from eimi_lab.dataset.storage_failure import CONTINUE_STORED, StorageFailed
 from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.outputs import whole_file
 from eimi_lab.process.replacing import patiently, remove
+from eimi_lab.process.synchronising import synchronise
 from eimi_lab.process.writer_lock import WriterLock
 from eimi_lab.vision.check import Flag
 
 NAN = float("nan")
-
-CONTINUE_STORED = "`eimi acquire --resume` continues the run"
-"""What a person at a terminal can do after a dataset could not be written any more."""
 
 
 def _ignore() -> None:
@@ -440,7 +438,7 @@ class DatasetWriter:
 
     def _synchronise(self) -> None:
         self._file.flush()
-        os.fsync(self._descriptor)
+        synchronise(self._descriptor, self._beat)
         self._head = head_of(self._descriptor)
 
 

@@ -9,7 +9,7 @@ from eimi_lab.acquisition.event_words import CONTINUE_ENDED, CONTINUE_PAUSED
 from eimi_lab.acquisition.open_coil import WITHOUT_INSTRUMENT
 from eimi_lab.acquisition.output_off import SWITCH_OFF_FIRST
 from eimi_lab.acquisition.resuming import BEGIN_ANEW
-from eimi_lab.dataset.writing import CONTINUE_STORED
+from eimi_lab.dataset.storage_failure import CONTINUE_STORED
 
 AT_THE_PAGE = {
     CONTINUE_PAUSED: "Resume continues the run, STOP ends it",

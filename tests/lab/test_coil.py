@@ -85,7 +85,7 @@ def test_a_ramp_leaves_out_the_time_that_the_supply_takes_and_can_be_stopped_whi
     supply.exchange_s = 0.0
     coil = coil_on(supply)
     coil._pause(0.35, lambda: asked.append(supply.clock.now()))
-    assert len(asked) == 3 + 3  # each step, and each full 0.1 s of the pause
+    assert len(asked) == 3 + 3 * 2 + 17  # each step, and each full 0.02 s of the pauses of 0.05 s and 0.35 s
 
 
 def test_set_points_have_the_middle_of_their_exchange_as_time_and_its_length_as_uncertainty() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from eimi_lab.fits.checkpoint import Checkpoint, Head
 from eimi_lab.process.errors import InputError
 from eimi_lab.process.outputs import whole_file, whole_folder, write_whole
 from eimi_lab.vision.edges.edge_set import EdgePoints, EdgeSet
+from tests.patience import PATIENCE_S
 
 Draw = Callable[..., np.ndarray]
 
@@ -73,6 +75,27 @@ def test_a_state_is_on_the_disk_when_it_is_acknowledged(
             with open_dataset(files / "copy.h5") as dataset:
                 assert [state.current_A for state in dataset.states] == [n / 10 for n in range(k + 1)]
                 assert np.array_equal(dataset.images(k)[0], frame(k))
+
+
+def test_a_run_reacts_while_a_busy_disk_writes_a_state(
+    files: Path, frame: Draw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The writer gives signs of life in the main thread while it waits for the disk."""
+    writes, alive = threading.Event(), threading.Event()
+
+    def of_a_busy_disk(descriptor: int) -> None:
+        writes.set()
+        assert alive.wait(PATIENCE_S), "the writer gave no sign of life while the disk worked"
+
+    def beat() -> None:
+        if writes.is_set() and threading.current_thread() is threading.main_thread():
+            alive.set()
+
+    with DatasetWriter(files / "run.h5", header(files), Frame(frame(0), 0, 0.0), beat=beat) as writer:
+        monkeypatch.setattr(os, "fsync", of_a_busy_disk)
+        writer.append_state([Frame(frame(0), 0, 0.0)], current_A=0.0, field_mT=0.0)
+        assert alive.is_set()
+        monkeypatch.undo()
 
 
 def test_a_whole_file_is_on_the_disk_before_it_gets_its_final_name(

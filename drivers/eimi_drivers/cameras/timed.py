@@ -17,6 +17,9 @@ GRACE_S = 0.5
 """Time (s) after the timeout of `grab` within which the driver must return."""
 
 LOOK_EVERY_S = 0.1
+HEED_EVERY_S = 0.02
+"""Interval (s) at which the function `meanwhile` is called while a call has not returned."""
+
 OPENING = "being opened"
 
 _Answer = TypeVar("_Answer")
@@ -126,7 +129,7 @@ class TimedCamera:
         until = self._seconds() + seconds
         while True:
             try:
-                answer_of_call, error = answers.get(timeout=LOOK_EVERY_S)
+                answer_of_call, error = answers.get(timeout=HEED_EVERY_S)
             except queue.Empty:
                 # Called before the check of the time limit: if the computer was asleep, the time limit is exceeded
                 # although the driver is not slow, and the function can report this.
