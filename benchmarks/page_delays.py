@@ -5,23 +5,26 @@ busy. This takes some minutes. `--stream 20` runs a measurement with live pictur
 of every process each minute. The script needs the extras `page` and `test`, and Chromium.
 
 All times come from one clock. The delay of a frame is the time from the arrival of the frame in the run until the
-browser reports to the server that the frame is drawn. The delay of a stop is the time from the key press until the
-emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its delay
-ends when the emulated supply takes the current of zero.
+browser reports to the server that the frame is drawn. The delay of a stop is the time from the key press in the browser
+until the emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its
+delay ends when the emulated supply takes the current of zero.
+
+The key press in the browser is the time that the browser gives to the key event. The key press of a person reaches the
+browser directly. Here it passes through two processes of the test tool before, which also wait for a busy processor.
+The delay from the call of the test tool is printed in brackets.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import shutil
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -41,6 +44,11 @@ from eimi_lab.config.specimen import load_specimen
 SIZE_PX = (1280, 1024)
 SUPPLIES = ("scpi", "korad")
 PICTURES = 6
+NOTE_ESCAPE = """addEventListener("keydown", (event) => {
+  if (event.key === "Escape") window.escapeAt = performance.timeOrigin + event.timeStamp;
+}, true)"""
+"""A script for the page that notes the time (ms since 1970) which the browser gives to the key press."""
+
 CALIBRATION = """
 pixels_per_mm = 25.0
 coil_constant_mT_per_A = 4.7
@@ -108,17 +116,18 @@ def draw(number: int) -> np.ndarray:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def write_bench(folder: Path, driver: str, address: str, states: int) -> None:
-    """Write the files of a bench: an emulated supply, and a camera that plays back pictures.
+def write_bench(folder: Path, addresses: dict[str, str], states: int) -> None:
+    """Write the files of a bench: a rig for each emulated supply, and a camera that plays back pictures.
 
-    The protocol has about `states` states, at 1.5 A and 1.4 A in turn. `driver` and `address` are the driver and the
-    address of the supply.
+    The protocol has about `states` states, at 1.5 A and 1.4 A in turn. `addresses` has the address of each supply by
+    the name of its driver. The rig file of a driver has the name of the driver.
     """
     (folder / "shots").mkdir(exist_ok=True)
     for number in range(PICTURES):
         cv2.imwrite(str(folder / "shots" / f"f_{number}.png"), draw(number))
     (folder / "calibration.toml").write_text(CALIBRATION)
-    (folder / "rig.toml").write_text(f"""
+    for driver, address in addresses.items():
+        (folder / f"{driver}.toml").write_text(f"""
 name = "emulated"
 calibration = "calibration.toml"
 supply = {{ driver = "{driver}", address = "{address}", limits = {{ current_A = 2.0, voltage_V = 30.0 }} }}
@@ -138,19 +147,13 @@ playback = {{ picture_a_state = true, loop = true }}
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
     """Start `processes` processes that each keep one processor core busy while the context lasts."""
-    workers = [multiprocessing.get_context("spawn").Process(target=_spin, daemon=True) for _ in range(processes)]
-    for worker in workers:
-        worker.start()
+    workers = [subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]) for _ in range(processes)]
     try:
         yield
     finally:
         for worker in workers:
             worker.kill()
-
-
-def _spin() -> None:
-    while True:
-        pass
+            worker.wait()
 
 
 @contextmanager
@@ -178,12 +181,14 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
         server.wait(60)
 
 
-def start(page: Any, dataset: str) -> None:
+def start(page: Any, dataset: str, driver: str) -> None:
     """Start a measurement on the page, and wait until the page shows that the coil is on.
 
-    `page` is the page in the browser, and `dataset` is the name of the file to write.
+    `page` is the page in the browser, `dataset` is the name of the file to write, and `driver` is the driver of the
+    supply.
     """
     page.locator("#protocol option").first.wait_for(state="attached")
+    page.get_by_label("Rig").select_option(f"{driver}.toml")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
     page.get_by_text("COIL ON").wait_for()
@@ -198,32 +203,69 @@ def frame_to_screen_s(page: Any) -> list[float]:
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
-def stops(driver: str, runs: int) -> tuple[list[float], list[float]]:
-    """Start and stop several runs on the page, and return two lists of delays (s).
+def stops(drivers: Sequence[str], runs: int) -> Iterator[tuple[str, list[float], list[float]]]:
+    """Start and stop several runs on the page with each emulated supply.
 
-    The first list has the delays from the key press until the supply was off. The second list has the delays from the
-    arrival of a frame until the browser showed it. `driver` is the driver of the emulated supply.
+    Parameters
+    ----------
+    drivers : sequence of str
+        The drivers of the emulated supplies.
+    runs : int
+        The number of runs with each supply. Each run is stopped at another moment.
+
+    Yields
+    ------
+    driver : str
+        The driver.
+    took : list of float
+        The delays (s) from the key press in the browser until the supply was off.
+    ages : list of float
+        The delays (s) from the arrival of a frame until the browser showed it, while the processor was busy.
     """
-    coil = TimedSupply(driver)
-    serving = serve_pty if driver == "korad" else serve_tcp
-    took, ages = [], []
-    with TemporaryDirectory() as name, serving(emulate(driver, coil)) as address:
+    coils = {driver: TimedSupply(driver) for driver in drivers}
+    with TemporaryDirectory() as name, ExitStack() as served:
+        addresses = {driver: served.enter_context(_served(driver, coil)) for driver, coil in coils.items()}
         folder = Path(name)
-        write_bench(folder, driver, address, states=200)
-        with opened(folder) as (page, _), busy(os.cpu_count() or 1):
-            for run in range(runs):
-                start(page, f"run_{run}.h5")
-                page.wait_for_timeout(6000 + 370 * run)  # ms; each run is stopped at another moment
-                coil.off_s.clear()
-                pressed = time.monotonic()
-                page.keyboard.press("Escape")
-                page.get_by_text("confirmed after").wait_for()
-                assert coil.is_off()
-                took.append(coil.off_s[0] - pressed)
-                print(f"{driver}: off after {took[-1]:.3f} s", flush=True)
-                page.get_by_role("button", name="Start").wait_for()
-            ages = frame_to_screen_s(page)
-    return took, ages
+        write_bench(folder, addresses, states=200)
+        with opened(folder) as (page, _):
+            page.evaluate(NOTE_ESCAPE)
+            for driver, coil in coils.items():
+                took, ages = [], []
+                for run in range(runs):
+                    start(page, f"{driver}_{run}.h5", driver)
+                    before = frame_to_screen_s(page)
+                    with busy(os.cpu_count() or 1):
+                        page.wait_for_timeout(3000 + 790 * run)  # ms
+                        took.append(_stopped(page, coil, driver))
+                        ages += _new(before, frame_to_screen_s(page))
+                    page.get_by_role("button", name="Start").wait_for()
+                yield driver, took, ages
+
+
+def _new(before: list[float], now: list[float]) -> list[float]:
+    """Return the delays in `now` that came after the last delay in `before`; the server keeps the last delays only."""
+    return now[now.index(before[-1]) + 1 :] if before and before[-1] in now else now
+
+
+def _served(driver: str, coil: TimedSupply) -> AbstractContextManager[str]:
+    return (serve_pty if driver == "korad" else serve_tcp)(emulate(driver, coil))
+
+
+def _stopped(page: Any, coil: TimedSupply, driver: str) -> float:
+    """Press STOP on the page, wait until the coil is confirmed off, and return the delay (s)."""
+    load = Path("/proc/loadavg").read_text().split()[0] if Path("/proc/loadavg").exists() else "?"
+    coil.off_s.clear()
+    wall_s = time.time() - time.monotonic()
+    asked_s = time.monotonic()
+    page.keyboard.press("Escape")
+    page.get_by_text("confirmed after").wait_for()
+    assert coil.is_off()
+    pressed_s = 1e-3 * page.evaluate("window.escapeAt") - wall_s
+    print(
+        f"{driver}: off after {coil.off_s[0] - pressed_s:.3f} s ({coil.off_s[0] - asked_s:.3f} s), load {load}",
+        flush=True,
+    )
+    return coil.off_s[0] - pressed_s
 
 
 def memory_MB(server: int) -> dict[str, float]:
@@ -253,9 +295,9 @@ def stream(minutes: float) -> None:
     coil = CoilSupply(WallClock())
     with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
         folder = Path(name)
-        write_bench(folder, "scpi", address, states=900)
+        write_bench(folder, {"scpi": address}, states=900)
         with opened(folder) as (page, server):
-            start(page, "run.h5")
+            start(page, "run.h5", "scpi")
             until = time.monotonic() + 60 * minutes
             while True:
                 ages = frame_to_screen_s(page)
@@ -284,8 +326,8 @@ def main() -> None:
     if options.stream:
         stream(options.stream)
         return
-    for driver in options.supply or (DIALECTS if options.all else SUPPLIES):
-        took, ages = stops(driver, options.runs)
+    drivers = options.supply or list(DIALECTS if options.all else SUPPLIES)
+    for driver, took, ages in stops(drivers, options.runs):
         print(
             f"{driver}: STOP to off, {len(took)} runs: median {statistics.median(took):.3f} s, most {max(took):.3f} s"
         )
