@@ -188,7 +188,7 @@ def start(page: Any, dataset: str, driver: str) -> None:
     supply.
     """
     page.locator("#protocol option").first.wait_for(state="attached")
-    page.get_by_label("Rig").select_option(f"{driver}.toml")
+    page.locator("#rig").select_option(f"{driver}.toml")
     page.get_by_label("Dataset to write").fill(dataset)
     page.get_by_role("button", name="Start").click()
     page.get_by_text("COIL ON").wait_for()
