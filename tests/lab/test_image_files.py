@@ -14,7 +14,7 @@ from PIL.ExifTags import IFD, Base
 
 from eimi_lab.process.errors import InputError
 from eimi_lab.vision.calibration.exif_lens import focal_length
-from eimi_lab.vision.image_files import find_images, read_image
+from eimi_lab.vision.image_files import _is_transparent, find_images, read_image
 
 
 @pytest.mark.parametrize("ending", [".png", ".jpg", ".tif", ".bmp", ".pgm"])
@@ -104,3 +104,17 @@ def test_the_orientation_of_a_phone_is_obeyed(tmp_path: Path) -> None:
     path = tmp_path / "image.jpg"
     path.write_bytes(raw[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + raw[2:])
     assert np.abs(read_image(path).astype(int) - upright).max() < 40
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("opacity", "is_transparent"), [(1.0, False), (0.96, False), (0.94, True), (0.0, True)])
+def test_an_image_is_transparent_if_one_pixel_is_clearly_less_than_opaque(
+    dtype: type, opacity: float, is_transparent: bool
+) -> None:
+    largest = np.iinfo(dtype).max
+    image = np.full((4, 5, 4), largest, dtype)
+    image[2, 3, 3] = round(opacity * largest)
+    assert _is_transparent(image) is is_transparent
+    assert not _is_transparent(image[..., :3] // 2)  # a colour image has no opacity
+    assert not _is_transparent(image[..., 0] // 2)
+    assert not _is_transparent(None)

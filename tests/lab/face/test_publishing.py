@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import zipfile
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,9 @@ def test_every_file_is_in_the_archive_with_its_hash(results: Path, tmp_path: Pat
             assert node["sha256"] == hashlib.sha256(content).hexdigest()
             assert node["contentSize"] == str(len(content))
         assert opened.read("study/run 1/run.h5") == (results / "run.h5").read_bytes()
+        packing = {info.filename.rpartition("/")[2]: info.compress_type for info in opened.infolist()}
+        assert packing["run.h5"] == zipfile.ZIP_STORED  # its frames are compressed already
+        assert packing["härte.inp"] == packing["fits.json"] == zipfile.ZIP_DEFLATED
     assert check(tmp_path / "study.eln") == len(described)
 
 
@@ -71,6 +75,8 @@ def test_the_description_states_authors_licence_modulus_and_origin(results: Path
     nodes = graph(tmp_path / "s.eln")
     root = nodes["./"]
     assert root["name"] == "Two beams"
+    for at in (root["datePublished"], nodes["ro-crate-metadata.json"]["dateCreated"]):
+        assert abs(datetime.fromisoformat(at) - datetime.now(UTC)) < timedelta(hours=24)
     assert root["license"] == {"@id": "https://spdx.org/licenses/CC-BY-4.0"}
     assert [nodes[author["@id"]]["name"] for author in root["author"]] == ["Josiah Carberry", "Änne Müller"]
     fit = eimi.open_fits(results / "fits.json")[0]

@@ -18,6 +18,7 @@ from eimi_fitting.inference.evidence.quantity import Quantity
 from eimi_fitting.inference.planning.choice_of_law import Choice
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
+from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.demonstration import Score
 from eimi_lab.fits.evidence import Evidence
 from eimi_lab.fits.grades import grade
@@ -26,7 +27,7 @@ from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.fits.validation import Validation
 from eimi_lab.reporting import findings
 from eimi_lab.reporting.contents import ReportContents
-from eimi_lab.reporting.panels import stress_strain
+from eimi_lab.reporting.panels import methods, stress_strain
 from eimi_lab.reporting.panels.causes import table_of_causes
 from eimi_lab.reporting.panels.convergence import drawn_convergence, table_of_searches
 from eimi_lab.reporting.panels.error_against_field import drawn_errors
@@ -113,6 +114,33 @@ def test_tracked_points_and_simulated_outlines_are_drawn_upright_at_three_loads(
     for k, outline in zip(smallest_first, outlines, strict=False):
         left, right = simulated.edges_mm[k][..., ::-1]
         assert outline == pytest.approx(np.array([*left, *right[::-1], left[0]]))
+
+
+@pytest.mark.parametrize("kind", ["frames", "points"])
+def test_the_methods_describe_what_was_done_and_nothing_else(
+    fit: FitRecord, shown: Shown, evidence: Evidence, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(methods, "findings", lambda report: [])
+    with open_dataset(evidence.path) as dataset:
+        stub = SimpleNamespace(
+            specimen=dataset.specimen, states=dataset.states, kind=kind, calibration=None, truth=lambda: None
+        )
+    contents = SimpleNamespace(dataset=stub, evidence=evidence)
+    bending = SimpleNamespace(fit=fit, origin="run")
+    tensile = SimpleNamespace(origin="tensile 20 %")
+    report: Any = SimpleNamespace(datasets=[contents], bending=[bending], tensile=[])
+    words = methods.paragraph(report)
+    assert f"was {'photographed' if kind == 'frames' else 'tracked'} at rest in 3 states" in words
+    assert "in magnetic fields up to 6 mT" in words
+    assert ("Edges were located" in words) is (kind == "frames")
+    assert "The 95 % intervals include the scatter of the" in words
+    assert "Evolutionary Inverse Material Identification" in words
+    assert "virtual" not in words
+    assert "tensile" not in words
+    only_tension: Any = SimpleNamespace(datasets=[], bending=[], tensile=[tensile])
+    assert methods.paragraph(only_tension) == (
+        "For comparison, laws were fitted by least squares to uniaxial tensile tests (window: 20 %)."
+    )
 
 
 def test_the_report_s_stress_is_in_kilopascal_with_the_band_of_the_draws(fit: FitRecord, shown: Shown) -> None:
