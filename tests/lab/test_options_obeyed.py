@@ -86,6 +86,23 @@ def test_a_checkpoint_is_not_continued_with_other_data(tmp_path: Path, change: d
         Checkpoint(log, Head(**one | change), resume=True)
 
 
+def test_resume_continues_a_checkpoint_force_replaces_it_and_without_both_it_is_kept(tmp_path: Path) -> None:
+    head = Head(fits=("one",), datasets=("0" * 64,), options=FitOptions().head(), versions={"numpy": "1"})
+    log = tmp_path / "log.jsonl"
+    Checkpoint.of(log, head, resume=False, force=False)
+    begun = log.read_text()
+    log.write_text(begun + "\nwhat the fit has stored\n")
+    with pytest.raises(InputError, match="exists already; give --resume to continue it, --force to replace it"):
+        Checkpoint.of(log, head, resume=False, force=False)
+    Checkpoint.of(log, head, resume=True, force=False)
+    Checkpoint.of(log, head, resume=True, force=True)
+    assert log.read_text() == begun + "\nwhat the fit has stored\n"
+    Checkpoint.of(log, head, resume=False, force=True)
+    assert log.read_text() == begun
+    with pytest.raises(InputError, match="--resume: give the checkpoint of the interrupted fit"):
+        Checkpoint.of(None, head, resume=True, force=False)
+
+
 def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
     chosen = options(free=["roll=0.2", "bulk"], tensile_window="20", tensile_weight=0.5, restarts=2, bipop=True)
     passed = chosen.for_identify()
