@@ -145,6 +145,25 @@ def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along
     assert severities(alone) & {Severity.DOUBTFUL, Severity.UNUSABLE}
 
 
+@pytest.mark.parametrize(("contrast", "points"), [(14.0, 80), (18.0, 80)])
+def test_a_cable_that_crosses_a_faint_beam_does_not_hide_the_edges_beside_the_crossing(contrast, points):
+    """A dark cable, a third as wide as the beam, crosses the beam obliquely at the middle of its length."""
+    y, x = np.mgrid[0:460, 0:300].astype(float)
+    image = np.full((460, 300, 3), (190.0, 185.0, 180.0))
+    image[(np.abs(x - 150.0) < 21.0) & (y > 20.0) & (y < 440.0)] -= contrast * np.array([0.5, 0.7, 1.0])
+    image[np.abs((y - 220.0) * np.cos(0.4) - (x - 150.0) * np.sin(0.4)) < 7.0] = (20.0, 25.0, 30.0)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0) + np.random.default_rng(0).normal(0.0, 1.5, image.shape)
+    calibration = CALIBRATION.model_copy(update={"clamp_midpoint_px": (150.0, 20.0)})
+    edges = find_edges(np.clip(image, 0, 255).astype(np.uint8), calibration, SPECIMEN)
+    assert Severity.UNUSABLE not in severities(edges)
+    for edge in (edges.left, edges.right):
+        px, py = BeamFrame(calibration).to_px(edge.points_mm).T
+        assert len(px) > points
+        assert py.min() < 50.0
+        assert py.max() > 400.0
+        assert np.abs(np.abs(px - 150.0) - 21.0).max() < 1.0
+
+
 def test_points_where_a_shadow_replaces_the_edge_are_left_out():
     along = np.linspace(0.0, 10.0, 100)
     aside = np.where(along > 9.5, 0.2 * (along - 9.5), 0.0)

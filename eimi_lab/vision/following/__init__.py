@@ -9,6 +9,7 @@ reflections    remove narrow clipped reflections
 hypotheses     hypotheses where the beam continues, and how well the image supports each hypothesis
 beam_search    search for the strip of the picture that shows the beam, from the clamp outward
 unrolled       sample the image along the strip, so that the edges of the beam are nearly straight
+crossings      leave out bodies that cross the beam
 discriminant   project colours by Fisher's discriminant of the two sides of an edge
 seams          find an edge by dynamic programming, as the line at which the projected colour falls most
 colour_seams   find both edges, each in a colour projection of its own

@@ -114,6 +114,8 @@ def project(
     linear = np.clip(np.einsum("nmc,nc->nm", colours, weight) - level[:, None], *_LIMITS)
     if not shadowless:  # a histogram would separate the colours of the shadow
         linear = 0.5 * (linear + _histogram_ratio(unrolled.bins, inside, outside))
+    if unrolled.covered is not None:
+        linear[unrolled.covered] = 0.5  # neither inside nor outside
     return ColourProjection(linear, np.sqrt(height), weight, level, step)
 
 

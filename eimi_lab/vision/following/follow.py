@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_lab.vision.following.beam_search import WIDTH_PX, Strip, find_strip
+from eimi_lab.vision.following.crossings import leave_out_crossings
 from eimi_lab.vision.following.doubts import clipped_share, penumbra_px, reflection_share, shadow_px
 from eimi_lab.vision.following.edge_points import StripEdges, locate_edge
 from eimi_lab.vision.following.ends import trim_ends
@@ -134,6 +135,7 @@ def follow(
     unrolled = unroll(fine, coarse, strip) if fine else None
     if unrolled is None:
         return FollowedBeam(nothing, coarse, strip)
+    unrolled = leave_out_crossings(unrolled)
     sides = find_sides(unrolled, coarse.noise, beam.length_px / beam.width_px, beam.clicked_px / beam.width_px)
     findings = _findings(beam, strip, unrolled, sides, (image.shape[1], image.shape[0]))
     left, right = (locate_edge(image, unrolled, sides, side, spacing_px) for side in (0, 1))

@@ -72,7 +72,9 @@ class UnrolledPicture:
     stated : ndarray, shape (n,)
         Stated width of the beam at each station; 1 for a beam of constant width.
     inside : ndarray of bool, shape (n, m)
-        Whether each sampled point lies in the image.
+        Whether each sampled point lies in the image and shows no body that crosses the beam.
+    covered : ndarray of bool, shape (n, m), optional
+        Whether each sampled point shows a body that crosses the beam. None if no body does.
     """
 
     colours: NDArray[np.float32]
@@ -83,6 +85,7 @@ class UnrolledPicture:
     width: Array
     stated: Array
     inside: NDArray[np.bool_]
+    covered: NDArray[np.bool_] | None = None
 
     @cached_property
     def bins(self) -> ColourBins:
