@@ -420,7 +420,8 @@ def findings_of(
         projected=[SimpleNamespace(separation=np.full(200, more)) for more in (deviations, deviations + 5.0)],
     )
     along = length * 10.0 * np.arange(1, 201) / 200  # in widths of the beam
-    unrolled = SimpleNamespace(along=along, middle=np.column_stack([np.full(200, 150.0), 50.0 + 20.0 * along]))
+    middle = np.column_stack([np.full(200, 150.0), 50.0 + 20.0 * along])
+    unrolled = SimpleNamespace(along=along, middle=middle, stated=np.ones(200))
     strip = SimpleNamespace(gain=np.full(200, gain), rival=0.3)
     beam = SimpleNamespace(width_px=20.0, length_px=200.0)
     return follow_module._findings(beam, strip, unrolled, sides, (300, 400))
