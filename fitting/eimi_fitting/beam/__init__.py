@@ -8,7 +8,7 @@ strip          the map from a straight strip to the shape at rest
 loads          the loads of all states: a sum of kinds of load (actuations)
 actuation      the interface of one kind of load
 kinds_of_load  a field, gravity, a force at the tip, a pressure
-coil_field     the field of a coil that is not uniform, with a magnet or silicone in it
+coil_field     the non-uniform field of a coil, and its loads on a magnet and on silicone
 model          `BeamModel`, the planar model
 grid           the planar mesh of a specimen
 mesh           structured meshes of quadrilaterals

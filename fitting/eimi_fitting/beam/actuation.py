@@ -127,8 +127,9 @@ class LoadedMesh:
     nodal_mass : ndarray, shape (N,)
         Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
     slopes : ndarray, shape (N, d)
-        The integral over the silicone of each derivative of each node's shape function, in mm² (in mm for a planar
-        mesh).
+        The integral over the silicone of the derivatives of each node's shape function, in mm² (in mm for a planar
+        mesh). A load whose energy is linear in the deformation gradient has nodal forces proportional to these
+        integrals.
     nodal_dipole : ndarray, shape (N,)
         Factors d in N/T that give the forces of a uniform field B on magnetised silicone: the force on a node is d B.
         The factor of a node is the integral of the derivative of its shape function along the magnetisation, times the

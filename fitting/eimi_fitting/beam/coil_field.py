@@ -1,4 +1,4 @@
-"""The field of a coil that is not uniform, with a magnet or magnetised silicone in the field.
+"""The non-uniform field of a coil, and the loads of this field on a magnet and on magnetised silicone.
 
 Let F be the field at the position that the magnet has at rest. The field at another point p in the plane of the beam
 differs from F by a factor and by an angle. Written as complex numbers, B = B_x + i B_y and F = F_x + i F_y, the two

@@ -37,8 +37,8 @@ class BentCandidate:
     """The properties that decide whether two candidates have the same depth effect.
 
     A candidate is a set of parameters of a law. The depth effect is the shape of the solid model minus the shape of the
-    planar model. Two candidates have the same depth effect if the properties below agree. The parameters themselves are
-    not compared, because the planar shape depends on them.
+    planar model. Two candidates have the same depth effect if the properties below agree. The parameters need not be
+    compared, because different parameters give different planar shapes.
 
     Attributes
     ----------
@@ -137,9 +137,10 @@ class DepthEffect:
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) in the solved states: d_i is the solid minus the planar configuration.
+        """The differences d_i - b(s_i) in the solved states i, which are interpolated.
 
-        b is the depth effect in ``base``, of a similar candidate law.
+        d_i is the solid minus the planar configuration, s_i is the bending of the state (``places``), and b is the
+        depth effect of a similar candidate law (``base``).
         """
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
@@ -147,10 +148,11 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values s of the bending at which this depth effect equals ``base``: 0 if ``by_turn``, else none.
+        """The values of the bending s at which this depth effect is known to equal ``base``: only 0, or none.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. ``base`` belongs to a
-        similar candidate law. A beam whose tip is not rotated is assumed to have the same depth effect with both laws.
+        The depth effect is the shape of the solid model minus the shape of the planar model. ``base`` is the depth
+        effect of a similar candidate law. Both laws are assumed to have the same depth effect if the tip is not
+        rotated. The result is therefore 0 if there is a base and s is the rotation of the tip, and empty otherwise.
         """
         return (0.0,) if self.base and self.by_turn else ()
 
@@ -160,10 +162,11 @@ class DepthEffect:
 
         d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The base is the depth
         effect of a similar candidate law, to which this object only adds a correction. The result has no base: it is a
-        polynomial through values of d(s), at the values s of the states in which the base was solved. If s is the
-        rotation of the tip (``by_turn``), these values are first adapted, because this candidate bends more or less
-        than the candidate of the base. They are multiplied by the ratio of the rotations in the states that were solved
-        first for the two candidates. If this object has no solved states of its own, the result is the base.
+        polynomial through values of d(s). The values of s are those of the states in which the base was solved. But if
+        s is the rotation of the tip, the tip of this candidate rotates further than the tip of the base's candidate, or
+        less far. The values of s are then multiplied by a ratio: the rotation in the first solved state of this object,
+        divided by the rotation in the first solved state of the base. If this object has no solved states of its own,
+        the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -172,10 +175,10 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect can be the base of another one at all given values s (``places``).
+        """Return whether this depth effect can be the base of the depth effect of another candidate.
 
-        s measures the bending. The values must lie in the range in which the function d(s) is valid after its own base
-        is removed (`without_base` and `reaches`).
+        places: the values s of the bending in all states of the other candidate. They must lie in the range in which
+        the depth effect d(s) is valid, computed without a base of its own.
         """
         return bool(self.without_base.reaches(places).all())
 

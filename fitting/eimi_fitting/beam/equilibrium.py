@@ -61,9 +61,9 @@ class SolidLoads:
     pressure : ndarray, shape (B,)
         Pressure on the face in N/mm².
     in_coil : DipoleInField or None
-        The magnet in the field of a coil that is not uniform.
+        The magnet in the non-uniform field of a coil.
     silicone_in_coil : SiliconeInField or None
-        Magnetised silicone in the field of a coil that is not uniform.
+        Magnetised silicone in the non-uniform field of a coil.
     """
 
     nodal: Array

@@ -135,7 +135,7 @@ class Loads:
 
     @cached_property
     def actuations(self) -> tuple[Actuation, ...]:
-        """All kinds of load, in the order in which `state` returns the numbers that describe them."""
+        """All kinds of load: field, gravity, tip force and pressure, then the further kinds of load in ``others``."""
         pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
         return (
             UniformField(self.field_T) if self.coil is None else CoilField(self.field_T, self.coil),

@@ -37,7 +37,8 @@ class ReducedMotion:
     Attributes
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        The matrices K_m and K_g in N/mm, and M in N s²/mm, for the fraction of the specimen that the mesh represents.
+        The matrices K_m and K_g in N/mm, and M in N s²/mm. They belong to the part of the specimen that has a mesh:
+        half of it in a solid model, 1 mm of its depth in a planar model.
     nodal : ndarray, shape (m, B, N, d)
         Displacements of the N nodes with d coordinates in each shape, in mm.
     rigid : ndarray, shape (m, B, 3)

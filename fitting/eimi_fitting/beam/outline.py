@@ -43,9 +43,10 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     right face. The camera sees such a line from one end, or nearly so. Of each line, the point that appears farthest
     outside belongs to the outline: the point that is farthest in the direction of the outward normal. This point may
     lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
-    In perspective, the two ends of a line may appear at different places along the beam. The points of neighbouring
-    lines that appear on one normal of the outline are then compared. Where the near and the far border of the face
-    cross, the outline therefore changes from one to the other without a step.
+
+    In perspective, the two ends of a line may appear at different distances from the clamp. Points of the face that
+    appear at the same distance are then compared in place of the points of one line. The outline may follow the near
+    border of the face in one part of the beam and the far border in another. It changes between them without a step.
 
     Parameters
     ----------
@@ -136,15 +137,16 @@ def _outward(curves: Array) -> Array:
 
 
 def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return points (x, y) of the lines at constant depth that lie on one normal at each of n stations.
+    """Return points (x, y) of one face of the beam that appear in perspective beside each of n stations.
 
-    The lines along the beam at m depths are given by their points at n stations, (..., n, m, 2), and have a quadratic
-    segment for every two steps. The result has the same shape: the places where the lines cross the normals (x, y),
-    ``normal`` (..., n, 2), through the points at mid-depth, ``middle`` (..., n, 2).
+    The face is given by lines along the beam, each at one of m depths. A line has points at the n stations, ``lines``
+    (..., n, m, 2), and a quadratic segment for every two steps between stations. At each station a normal, ``normal``
+    (..., n, 2), goes through the point of the line at mid-depth, ``middle`` (..., n, 2). The result has the shape of
+    ``lines``: the points at which the m lines cross the n normals. The outline is chosen among them.
 
-    In perspective, the distance along the beam between the near and the far point of one station may exceed the
-    distance between two stations. An outline through the near point of one station and the far point of the next one
-    would then turn back.
+    The original points of a station are not compared. In perspective, the near and the far point of one station may be
+    farther apart along the beam than two neighbouring stations. An outline through the near point of one station and
+    the far point of the next one would then turn back.
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)

@@ -407,9 +407,12 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain is not much larger than predicted, for each of B candidate laws, shape (B,).
+    """Return whether the solved beam is strained about as much as predicted, for each of B candidate laws, shape (B,).
 
-    A much larger strain is a sign of a corner of the mesh that is folded over.
+    The strain of the predicted shape and the strain of the solved shape are compared, each where it is largest. A much
+    larger strain in the solved shape is a sign of a corner of the mesh that is folded over.
+
+    predicted: the configurations at which Newton's method began. solved: the configurations at which it ended.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)

@@ -92,7 +92,7 @@ def _kinks(rows: Rows) -> list[float]:
 
 
 def centre_line(points_mm: Array, length_mm: float) -> Rows:
-    """Return the table of angles (``RestShape.turns``) of a measured centre line.
+    """Return the table of the angle of a measured centre line along the beam, for ``RestShape.turns``.
 
     Parameters
     ----------

@@ -74,14 +74,17 @@ class SolidModel:
         field_factor: Array | None = None,
         beside: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidate laws in K states; see `BeamModel.solve`.
+        """Find the equilibrium of P candidate laws in K states, one state after another.
 
         Parameters
         ----------
         law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         beside : Configuration or None
-            For one candidate only: the configurations of the planar model for this candidate, see `path.follow`.
+            For one candidate only: the configurations of the planar model in the K states. They bend almost like the
+            solid model. Newton's method then begins in each state at the planar configuration plus the difference
+            between the two models, which is extrapolated from the states already solved. This needs fewer iterations.
+            None: Newton's method begins at an extrapolation of the solid configurations themselves.
 
         Returns
         -------
@@ -91,7 +94,7 @@ class SolidModel:
         Raises
         ------
         ValueError
-            A pressure is given.
+            ``loads`` contains a pressure, which the solid model cannot represent.
         """
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)

@@ -85,7 +85,7 @@ def twist_per_tilt(
     force_N : ndarray, shape (K, S - 1, 2)
         Sum of the loads (x, y) in N on a part of the beam: from the middle between two stations to the tip.
     couple_N_m : ndarray, shape (K, 2)
-        The vector m_0 z x B of the field B and the magnet's moment m_0, in N m.
+        The vector product m_0 z x B in N m: magnetic moment m_0, unit normal z of the plane, field B.
     out_of_plane_N_m2, torsion_N_m2 : float
         Stiffness A against bending out of the plane, and torsional stiffness C.
 

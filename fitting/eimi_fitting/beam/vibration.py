@@ -129,10 +129,12 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion (matrices for a few shapes) of B candidate laws about given equilibria.
+        """Return the reduced motion (matrices for a few shapes) of B candidate laws about known equilibria.
 
-        chosen: the candidates. now: the configurations of the candidates. loads: the loads in one state. For the other
-        parameters see `about`.
+        chosen: the candidates. loads: the loads in one state. now: the equilibria under these loads, one row for each
+        candidate. basis: the shapes; None: the lowest modes are the shapes. shapes, stiffenings: how many modes are
+        computed, and for which ratios of the modulus in the vibration to the static modulus. The method `about`
+        describes the last three in detail.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -252,8 +254,8 @@ class Vibration:
         """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
 
         local: displacements of each of E elements in each shape, (m, E, B, u). free: the unknowns of the nodes in each
-        shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the equilibria,
-        for the present rotation of the magnet.
+        shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the equilibria;
+        the matrices depend on the rotation that the magnet has there.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -283,7 +285,8 @@ class Vibration:
 
         free: the unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the body, (m, B,
         3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body, (Et, B,
-        u, 3); None without a body. now: the equilibria, for the present rotation of the magnet.
+        u, 3); None without a body. now: the equilibria; the mass matrix depends on the rotation that the magnet has
+        there.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape

@@ -40,7 +40,10 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """The exception if a bent beam has no equilibrium for any law about which the edges could be linearised."""
+    """A bent beam has no equilibrium for the law about which its edges would be linearised, nor for similar laws.
+
+    Linearised edges are approximated by linear functions of the coefficients of the law.
+    """
 
 
 def scale_deviation(lot: float) -> float:
@@ -67,6 +70,9 @@ def bending_rows(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms from the edges of bent beams.
+
+    The residuals of the edges are linearised: they are approximated by linear functions of the coefficients, which are
+    exact to first order near the coefficients ``about``.
 
     The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
     nuisance is an error of the modulus by a factor that all beams share; `scale_deviation` is its standard uncertainty.
@@ -128,14 +134,13 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals (misfit) of the best beam model, and an estimate of the error of these residuals.
+    """Return the residuals (misfit) of the best beam model, and the standard deviation of the error of this model.
 
     The best model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
-    sections. The estimate comes from a comparison with a coarser planar model. It is the difference between the
-    residuals of the two models, times the share of this difference by which the best model may still be wrong
-    (`remaining_share` in `inference.evidence.corrections`). It is used as a standard deviation. Its shape is the shape
-    (K, G, m) of the residuals: G groups (edges, or x and y) of m points in K states. Both models use the law with the
-    coefficients ``about``.
+    sections. Both the best model and a coarser planar model are solved for the law with the coefficients ``about``.
+    Their residuals differ. The standard deviation is a fixed fraction of this difference
+    (`inference.evidence.corrections` gives the fraction). It has the shape (K, G, m) of the residuals: G groups (edges,
+    or x and y) of m points in K states.
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -175,7 +180,7 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return how uncertain inputs of the experiments change the residuals in mm.
+    """Return how the residuals in mm change if an uncertain input of the experiments deviates.
 
     An uncertain input (source) has one or more parts, such as x and y of the clamp. Some experiments may share one
     input, for example the calibration of one camera; its error is then the same in all of them.
@@ -184,6 +189,8 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
     residuals, (K, G, m), when the part deviates by one standard uncertainty. There are G = 2 groups of residuals (left
     and right edge, or x and y of tracked points) of m points in K states. The entry is None if the experiment does not
     have this input, or if the beam has no equilibrium after the change.
+
+    about: the coefficients of the law with which the residuals are simulated.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))

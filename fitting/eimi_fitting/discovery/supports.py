@@ -107,9 +107,10 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the compatible sets that contain no smaller compatible set, fewest terms first.
+    """Return the sets of terms that are compatible with the data and contain no smaller compatible set.
 
-    The data cannot distinguish a compatible set of terms from the best set (see the module `discovery.supports`).
+    A set is compatible if the data cannot distinguish it from the best set (see the module `discovery.supports`). The
+    sets with the fewest terms come first.
     """
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
@@ -125,7 +126,8 @@ def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
     -------
     array, shape (J,)
         Upper end of the 95 % interval of the coefficient of each term, in Pa. The value is 0 for a term of the set
-        ``terms``. It is infinite for a term that the equations cannot distinguish from the set.
+        ``terms``. It is infinite for a term whose effect on the data (its column in ``rows``) is a linear combination
+        of the effects of the set.
     """
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):

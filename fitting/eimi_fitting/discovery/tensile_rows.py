@@ -1,4 +1,7 @@
-"""Turn a tensile curve into linear equations, because the engineering stress is linear in the coefficients of a law."""
+"""Turn a tensile curve into linear equations for the coefficients of the terms of a hyperelastic law.
+
+The equations are exact, because the engineering stress is linear in the coefficients.
+"""
 
 from __future__ import annotations
 

@@ -286,10 +286,10 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return the coefficients of J terms, (J,) in Pa, of a law about which the edges are first linearised.
+    """Return the coefficients of a law that is close to the solution, for J terms, (J,) in Pa.
 
-    The law is the fit to the tensile curves, scaled to the modulus ``modulus_Pa`` of the beams. Without a tensile
-    curve, only one term has a coefficient above zero.
+    The edges of the beams are first linearised about this law. It is the fit to the tensile curves, scaled to the
+    modulus ``modulus_Pa`` of the beams. Without a tensile curve, only one term has a coefficient above zero.
     """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
@@ -304,11 +304,12 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return the equations of all beams and the noise in mm, linearised about a law that fits them (`bending_rows`).
+    """Return linear equations for the coefficients of the terms from the edges of all beams, and the noise in mm.
 
     The edges are first linearised about the coefficients ``about``. All terms are then fitted to the equations of the
-    beams and of the tensile curves, and the edges are linearised again about the fitted law. This is repeated until the
-    fit hardly changes.
+    beams and of the tensile curves (``curve_rows``), and the edges are linearised again about the fitted law. This is
+    repeated until the fit hardly changes. lot: relative standard deviation between the moduli of the beams and of the
+    tensile curves.
 
     Raises
     ------

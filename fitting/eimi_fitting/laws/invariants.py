@@ -176,11 +176,15 @@ class InvariantLaw(InvariantEnergy):
         """Convert coordinates (the quantities that the search varies) into parameters, see `Law.from_coordinates`."""
 
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
-        """Return the largest stable stretch of each candidate law, computed by `laws.stability.scanned_limit`."""
+        """Return the largest stable stretch of each of P candidate laws, (P,), from sampled deformations.
+
+        Deformations up to ``largest_stretch`` are sampled (`laws.stability`). The result is the smallest stretch at
+        which one of them is unstable, and infinity if there is no such deformation.
+        """
         return scanned_limit(self, parameters, largest_stretch)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit a tensile curve with `laws.tensile.bounded_least_squares`."""
+        """Fit the law to a tensile curve by least squares, within the bounds of the search; see `Law.fit_stress`."""
         return bounded_least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:

@@ -251,7 +251,8 @@ class Law(Protocol):
         -------
         Array
             (P,) largest stretches up to which the candidates are stable; 0 for a candidate that is unstable even at
-            rest. For a candidate that is stable up to ``largest_stretch``, any number above ``largest_stretch``.
+            rest. If a candidate is stable up to ``largest_stretch``, the result need not be its limit, but it must not
+            be smaller than ``largest_stretch``.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
@@ -285,5 +286,6 @@ class Law(Protocol):
         Raises
         ------
         NotInSolver
-            If the program does not have the law, or if the law cannot write the card of this program.
+            If the program does not have the law, or if the conversion to the constants of this program is not
+            implemented.
         """

@@ -192,8 +192,9 @@ class Ogden:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch up to which each of P candidate laws is proved stable, (P,).
 
-        The result is infinity if mu_p alpha_p is positive for all three terms p, and 0 if the initial shear modulus is
-        not positive.
+        The result is infinity if mu_p alpha_p is negative for none of the three terms p, and 0 if the initial shear
+        modulus is not positive. For other laws, the proof examines deformations up to ``largest_stretch``
+        (`laws.stable_cells`), and the result is at most ``largest_stretch``.
         """
         alpha = parameters[:, 1::2]
         weight = parameters[:, 0::2] * alpha
@@ -210,7 +211,11 @@ class Ogden:
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
-        """Return the constants of the Ogden law for a finite-element program: one term for SOFA, else three terms."""
+        """Return the constants of the Ogden law for a finite-element program.
+
+        SOFA has an Ogden law with one term only. A card for SOFA is therefore possible only if two of the three moduli
+        are zero. Otherwise NotInSolver is raised.
+        """
         values = list(p.values())
         terms = list(enumerate(zip(values[0::2], values[1::2], strict=True), 1))
         match solver:

@@ -226,8 +226,9 @@ class SumOfTerms:
     def from_coordinates(self, x: Array) -> Array:
         """Return the coefficients of the m terms for P candidate laws, (P, m), from coordinates of the search, (P, m).
 
-        `coordinates` defines the coordinates: the initial shear modulus mu0, and the quotients coefficient / mu0 of all
-        terms except one. The coefficient of this one term is chosen so that the initial shear modulus is mu0.
+        The first coordinate is the initial shear modulus mu0. The others are the quotients coefficient / mu0 of all
+        terms except one: the first term in the list that is stiff at rest. The coefficient of this term is chosen so
+        that the initial shear modulus is mu0.
         """
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
@@ -288,7 +289,9 @@ class SumOfTerms:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the largest stable stretch of each of P candidate laws, (P,).
 
-        The result is infinity if no coefficient is negative. Otherwise `laws.stability.scanned_limit` computes it.
+        The result is infinity if no coefficient is negative. Otherwise deformations up to ``largest_stretch`` are
+        sampled (`laws.stability`). The result is then the smallest stretch at which a sampled deformation is unstable;
+        it is infinity if there is no such deformation.
         """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)

@@ -34,12 +34,13 @@ from eimi_fitting.laws.tensile import linear_least_squares
 Array = NDArray[np.float64]
 
 
-def _stiffness() -> Array:
-    """Return the polynomial whose smallest positive root gives the stability limit, as coefficients of shape (10, 3).
+def _stability_polynomial() -> Array:
+    """Return the polynomial that decides the stability of the law, as coefficients of shape (10, 3).
 
-    The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, where q is the square of the two equal
-    stretches (see the module). It is a polynomial in q - 1, and linear in the parameters C10, C20 and C30. Row k of the
-    result belongs to the power k of q - 1, and each column to one parameter. The powers of q follow from
+    Its smallest positive root gives the stability limit. The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial
+    tension, where q is the square of the two equal stretches (see the module). It is a polynomial in q - 1, and linear
+    in the parameters C10, C20 and C30. Row k of the result belongs to the power k of q - 1, and each column to one
+    parameter. The powers of q follow from
 
         I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """
@@ -54,7 +55,7 @@ def _stiffness() -> Array:
     return np.stack([np.pad(c.coef, (0, 10 - len(c.coef))) for c in columns], axis=1)
 
 
-_STIFFNESS = _stiffness()
+_STABILITY = _stability_polynomial()
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Yeoh(InvariantLaw):
         """
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)
-        limit[doubtful] = np.sqrt(1 + smallest_positive_root(parameters[doubtful] @ _STIFFNESS.T))
+        limit[doubtful] = np.sqrt(1 + smallest_positive_root(parameters[doubtful] @ _STABILITY.T))
         return np.where(parameters[:, 0] > 0, limit, 0.0)
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
