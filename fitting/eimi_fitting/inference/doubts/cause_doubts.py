@@ -32,10 +32,10 @@ def cause_doubts(
     than half of the mean error (the mean over the states of the root mean square residual). The second condition does
     not apply if files state the uncertainties of these causes, because the interval then contains their effect.
 
-    The doubt also names the causes that the residuals do not distinguish from the first one. There is no doubt about a
-    cause that the fit has taken into account, or about a deviation within its stated uncertainty. If most probably no
-    listed cause is present, and the residuals that the stated uncertainties do not explain exceed ten times the stated
-    noise, a doubt says that the cause is unknown.
+    The doubt also names the causes that the residuals do not distinguish from the first one. Two kinds of cause give no
+    `Doubt`: a cause that the fit has taken into account, and a deviation within its stated uncertainty. If most
+    probably no listed cause is present, and the stated uncertainties do not explain the residuals either, a doubt says
+    that the cause is unknown. The residuals that remain unexplained must then exceed ten times the stated noise.
 
     Returns
     -------
@@ -68,7 +68,8 @@ def cause_doubts(
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
     """Return whether deviations of the inputs within their stated uncertainties explain the residuals of a fit.
 
-    The residuals that remain are then at most ten times the stated noise, and the intervals contain the deviations.
+    Two conditions must hold. Probably no error of the bench is present beyond the stated uncertainties. With the most
+    probable deviations of the inputs, the remaining residuals are at most ten times the stated noise.
     """
     if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
         return False

@@ -35,10 +35,10 @@ probability. In the first version, every input has exactly its stated value. In 
 also contain every input with a stated uncertainty, with the stated standard deviation
 (`inference.doubts.stated_inputs`). Each of the M causes has the prior probability 1 / M. The probability of a
 hypothesis with |H| causes is therefore proportional to p(r | H) (M - 1)^-|H|. The probability of a cause is the sum
-over the hypotheses that contain it, plus the probability that it is a deviation within the stated uncertainties that
-the residuals show (`inference.doubts.deviating_inputs`). The probability of `none` is that of the hypotheses without a
-cause and without such a deviation. Causes with nearly the same signature share their probability equally
-(`inference.doubts.collinear_causes`).
+over the hypotheses that contain it. A cause may also be present within its stated uncertainty, as a deviation of an
+input that can be recognised in the residuals (`inference.doubts.deviating_inputs`). The probability of such a deviation
+is added. The probability of `none` is that of the hypotheses without a cause and without such a deviation. Causes with
+nearly the same signature share their probability equally (`inference.doubts.collinear_causes`).
 
 The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
 along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
@@ -138,10 +138,11 @@ class Weighed:
         Probability that at least one cause is present which the fit has not taken into account.
     remaining : tuple of ndarray, shape (K, G, m), or None
         For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups of m points
-        in K states. None if the beam model finds no equilibrium.
+        in K states. None if the beam model finds no equilibrium, or if these are the residuals of the fit itself (no
+        cause beside the fit, and all inputs exact).
     as_stated : float
-        Probability that no cause is present beyond what the files state: neither an unstated error nor an error that is
-        larger than its stated uncertainty explains.
+        Probability that all errors are such as the files state: there is no error that no file states, and no error is
+        too large for its stated uncertainty.
     """
 
     causes: tuple[Cause, ...]
@@ -251,7 +252,11 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of deviations that the residuals do not distinguish from each other."""
+    """Return the probability of each group of recognised deviations of inputs (`Deviation`).
+
+    A group contains the deviations that the residuals do not distinguish from each other. Its probability is the sum of
+    theirs, but at most 1.
+    """
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 

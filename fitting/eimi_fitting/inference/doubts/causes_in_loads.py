@@ -66,20 +66,21 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads in the states after a decrease of the load, which describe a softer beam (hysteresis).
+    """Return the loads of a beam that is softer in all states after a decrease of the load (hysteresis).
 
-    The only amplitude is the share of the stiffness that is missing in these states.
+    A softer beam bends as under larger loads. The loads of these states are therefore increased. The only amplitude is
+    the share of the stiffness that is missing in these states.
     """
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a field whose strength varies in space: with two gradients and a curvature.
+    """Return the loads with a field whose strength varies in space, linearly and quadratically.
 
-    A gradient is the relative change of the field strength per metre. The first two amplitudes are gradients along and
-    across the straight beam. The third amplitude describes a curvature, which is a gradient along the axis of the coil
-    that grows with the distance from the position of the magnet at rest. The amplitude is the gradient at a distance of
-    10 mm.
+    A gradient is the relative change of the field strength per metre. The first two amplitudes are the gradients along
+    and across the straight beam. The third amplitude describes the quadratic change along the axis of the coil. It is
+    the gradient at a distance of 10 mm, along this axis, from the position of the magnet at rest; at this position
+    itself, the quadratic change has no gradient.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))

@@ -24,22 +24,23 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 
 
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
-    """Return a function that displaces the measured points of an experiment in the picture.
+    """Return a function that corrects the measured points of an experiment for an error of the picture.
 
     Parameters
     ----------
     displacement : callable
         Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes (sizes of the error). Returns
-        the displacements of these positions in mm, (..., 2). The displacement of the clamp is subtracted from all
-        displacements, because positions are measured from the clamp.
+        the displacements of these positions by the error in mm, (..., 2). The displacement of the clamp is subtracted
+        from them, because positions are measured from the clamp.
     shift : int, optional
-        Index of the first of two amplitudes that displace all points in x and y by a length in mm. Such a shift is
-        needed if the position of the clamp comes from another picture, in which the clamp is not displaced.
+        Index of the first of two amplitudes that are a shift of all points in x and y, in mm. If the position of the
+        clamp was measured in another picture, the error has not displaced this position. The free shift then replaces
+        the displacement that was subtracted.
 
     Returns
     -------
     callable
-        Takes the assumptions of a fit and amplitudes, and returns the assumptions with displaced measured points.
+        Takes the assumptions of a fit and amplitudes, and returns the assumptions with corrected measured points.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit with a beam whose width varies.
+    """Return the assumptions of a fit, in which the width of the beam varies along the beam.
 
     The two amplitudes in mm are the change of the width from the clamp to the end of the flexible part, and the width
     at both ends minus the width in the middle.

@@ -1,7 +1,7 @@
 """Collect the coefficients of all hypotheses about the causes of residuals, and how each of them changes the data.
 
-The data are the coefficients of polynomials along each edge (`inference.doubts.edge_coefficients`). The model is
-described in `inference.doubts.causes`.
+A coefficient is an unknown number of the model in `inference.doubts.causes`, such as the size of a cause. The data are
+the residuals, described by polynomials along each edge (`inference.doubts.edge_coefficients`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The C coefficients of all hypotheses, in the order law, inputs, errors of the corrections, causes.
+    """The C coefficients of all hypotheses, and how each of them changes the N data.
+
+    The coefficients are numbered in four blocks, in this order: changes of the law, deviations of inputs, remaining
+    errors of the corrections by better beam models, and amplitudes of causes (possible errors of the bench). The number
+    of a coefficient is its row.
 
     Parameters
     ----------
@@ -35,10 +39,10 @@ class Coefficients:
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each coefficient; 1 for the last row.
     law, simulated, common : int
-        Number of the coefficients of the law; of the law and the inputs, which can be simulated; and of those that do
-        not belong to causes.
+        Number of coefficients in the first block (``law``), in the first two blocks, whose effect can be simulated
+        (``simulated``), and in the first three blocks, which all hypotheses have in common (``common``).
     of_inputs, of_causes : list of list of int
-        Row indices of the coefficients of each uncertain input and of each cause (possible error of the bench).
+        Row indices of the coefficients of each uncertain input and of each cause.
     columns : list of Column
         The amplitudes of the inputs and then of the causes.
     remaining : ndarray, shape (E, N)
@@ -63,7 +67,7 @@ class Coefficients:
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> Coefficients:
-        """Return the coefficients of a fit.
+        """Collect the coefficients of all hypotheses about a fit, with their effects and prior standard deviations.
 
         Parameters
         ----------
@@ -110,12 +114,15 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the amplitude of one row, which belongs to an input or to a cause."""
+        """Return the amplitude that belongs to the coefficient with the number ``row``: of an input or of a cause."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return the indices of consecutive rows, the first of which is ``first``, for each sequence of columns."""
+    """Return consecutive numbers for the amplitudes of several inputs or causes: one list for each input or cause.
+
+    ``columns`` has the amplitudes of each of them. The first number is ``first``.
+    """
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

@@ -1,11 +1,14 @@
-"""Find the inputs whose deviation from the stated values the residuals show, within what the files state.
+"""Find the inputs whose deviations from the stated values can be recognised in the residuals.
 
-Every hypothesis about the causes of the residuals contains the inputs with a stated uncertainty
-(`inference.doubts.stated_inputs`). If the stated uncertainties explain the residuals, no cause beyond them is probable.
-A file may nevertheless be wrong by two standard uncertainties, and the residuals may show which input it is. The causes
-are therefore weighed again for each input, as if this input had exactly its stated value and the others stayed
-uncertain. If the deviation of the input is then the most probable cause of the residuals, the residuals show it. An
-unstated error with the same effect on the residuals is weighed too, and the two share their probability.
+Only deviations within the uncertainties that the files state are sought here. Every hypothesis about the causes of the
+residuals contains them (`inference.doubts.stated_inputs`), so that they may explain the residuals without any further
+cause (error of the bench). An input may nevertheless deviate by two standard uncertainties, and the residuals may show
+which input it is.
+
+To test an input, the causes are weighed again with this input at its exact stated value, while the others stay
+uncertain. If the most probable cause is then the deviation of this input, the deviation is reported. An error of the
+bench that no file states may have the same effect on the residuals. It is weighed too, and shares the probability with
+the deviation.
 """
 
 from __future__ import annotations
@@ -26,16 +29,20 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """A deviation of an input that the residuals show and that is not beyond its stated uncertainty.
+    """A deviation of an input within its stated uncertainty that can be recognised in the residuals.
+
+    The deviation belongs to a cause (a possible error of the bench). For example, a deviation of the scale within its
+    stated uncertainty belongs to the cause "wrong scale".
 
     Parameters
     ----------
     cause : int
-        Index of the cause that is the same error as the deviation.
+        Index of this cause.
     probability : float
         Probability that the deviation is present and not negligible.
     value : float
-        The deviation in the unit of the cause, with the sign of its largest part.
+        Size of the deviation in the unit of the cause. If it has several parts (such as x and y), the root of the sum
+        of their squares, with the sign of the largest part.
     moved : float
         Change of the first unknown of the law by the deviation, in unit coordinates.
     like : tuple of int
@@ -50,12 +57,14 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the deviations of inputs that the residuals show, by the index of their cause.
+    """Return the deviations of inputs, within their stated uncertainties, that can be recognised in the residuals.
+
+    The key of a deviation is the index of the cause (possible error of the bench) to which the input belongs.
 
     Parameters
     ----------
     weighing : Weighing
-        The hypotheses about the causes of the residuals (possible errors of the bench).
+        The hypotheses about the causes of the residuals.
     posterior : Posterior
         Evidence and coefficients of the hypotheses.
     base : int

@@ -72,11 +72,11 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of the N coefficients in mm^2, (N,), due to C random errors, smooth along the edges.
+        """Return the variance of the N coefficients in mm^2, (N,), due to C random errors smooth along each edge.
 
-        ``moves`` gives the sizes of the errors: it has C changes of the N coefficients in mm, shape (C, N). In each
-        experiment, an error is as large as the root mean square of the coefficients of its change. An error of 1 mm has
-        the variance ``error``, and the result is ``error`` times the sum of the squared sizes.
+        ``moves`` (C, N) has the change of the coefficients by each error, in mm. Only the size of an error is used: in
+        each experiment, the root mean square of its changes. A smooth error of the size 1 mm has the known variances
+        ``error``. The result is ``error`` times the sum of the squared sizes.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -160,10 +160,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the correlation of the unexplained part of the residuals between K states, (K, K).
+    """Return how the unexplained residuals of K states are correlated with each other: a correlation matrix (K, K).
 
-    The unexplained part is neither noise nor the effect of a listed cause. Its correlation between two states is large
-    if their loads are similar.
+    The unexplained residuals are neither noise nor the effect of a listed cause. They are assumed to be similar in
+    two states with similar loads.
     """
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]

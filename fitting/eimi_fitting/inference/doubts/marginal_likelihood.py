@@ -45,7 +45,7 @@ class Posterior:
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Return the posterior of the hypotheses of all parts."""
+        """Join the posteriors of several groups of hypotheses, one group after the other."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
@@ -68,8 +68,8 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
     y : ndarray, shape (H, N)
         The N data that each hypothesis explains: minus the residuals.
     noise, error : ndarray, shape (N,)
-        Variance of each datum: due to noise (``noise``), and due to an unexplained error of the size eta = 1 mm
-        (``error``).
+        Variance of each datum due to noise (``noise``), and variance due to an unexplained error of the size 1 mm
+        (``error``). The true size eta of this error is unknown, and the evidence is averaged over eta.
 
     Returns
     -------
@@ -110,7 +110,11 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Split the members of H hypotheses into the first c, which all hypotheses share, and the others, (H, q - c)."""
+    """Separate the coefficients that all H hypotheses have from those that differ.
+
+    A row of ``members`` (H, q) has the indices of the coefficients of one hypothesis. The results are the indices of
+    the first c columns, which are equal in all rows, (c,), and the other columns, (H, q - c).
+    """
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]
     return members[0, :first], members[:, first:]

@@ -61,7 +61,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The factor on the field and the map from the beam to the picture for the assumed deviations of inputs."""
+        """How the assumed deviations of inputs change the strength of the field and the picture of the beam."""
         return Setup.of(self.deviations, 1)
 
 

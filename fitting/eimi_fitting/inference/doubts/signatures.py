@@ -242,11 +242,10 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the amplitude that the fit of one dataset has assumed for one part of a cause (error of the bench).
+        """Return the size that the fit of one dataset has assumed for one part of a cause (error of the bench).
 
-        If the input of the cause was measured, the amplitude is the deviation of the input from its stated value. If
-        the fit also determined the measured input (freed it), the deviation that it found is added. Otherwise, the
-        amplitude is 0.
+        The size is 0 unless the quantity of the cause was measured. For a measured quantity, it is the measured
+        deviation from the stated value, plus the further deviation that the fit has determined if this input was freed.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
@@ -267,7 +266,10 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether an amplitude of the given size changes a residual in mm; ``changes`` is its signature."""
+        """Return whether an error of the bench of the given size changes at least one residual noticeably.
+
+        ``changes`` has, for each experiment, the changes of the residuals in mm by an error of the size one, or None.
+        """
         return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(

@@ -18,18 +18,19 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 
 
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
-    """Return each uncertain number of the inputs of a fit as an amplitude with its signature, by source.
+    """Return how a deviation of each uncertain input of a fit would change the residuals.
 
-    The signature is the change of the residuals in mm for a deviation of one. A source (an uncertain input) is returned
-    as a `PossibleCause` whose name is the key of the source. An input that was measured, such as the shape at rest, is
-    left out.
+    A key of the result is a source (an uncertain input), written as a `PossibleCause` with the name of the source. Its
+    value has one `Column` for each uncertain number of the source, such as x and y, with the change of the residuals in
+    mm for a deviation of one. An input that was measured, such as the shape at rest, is left out.
 
     Parameters
     ----------
     about : About
         The optimum of the fit.
     possible : sequence of PossibleCause
-        The causes. A freed input that belongs to no cause is left out, because it is one of the unknowns of `About`.
+        The possible errors of the bench. A freed input (determined by the fit) that belongs to none of them is left
+        out, because it is one of the unknowns of `About`.
     """
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):

@@ -42,16 +42,18 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of causes, added to one hypothesis, if some uncertain inputs have their stated values.
+    """The probabilities of causes if some inputs have exactly their stated values.
+
+    One set of causes is taken as present (the base). It is compared with the sets that contain one cause more.
 
     Parameters
     ----------
     causes : list of int
-        Indices of the n causes (possible errors of the bench).
+        Indices of the n causes (possible errors of the bench) that do not belong to the base.
     probability : ndarray, shape (1 + n,)
-        Probability of the hypothesis without another cause, and with each of the causes.
+        Probability of the base alone, and of the base with each of the n causes.
     posterior : Posterior
-        Evidence and coefficients of these 1 + n hypotheses.
+        Evidence and coefficients of these 1 + n hypotheses (sets of causes).
     classes : list of tuple of int
         The causes that the residuals do not distinguish, in groups.
     """
@@ -65,7 +67,10 @@ class Exact:
 class Weighing:
     """The hypotheses about the causes of the residuals, each with a linear Gaussian model.
 
-    A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two.
+    A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two. Its model has
+    unknown coefficients: the changes of the law, the deviations of the inputs, and the sizes of the causes. All
+    coefficients of all hypotheses are numbered, and a coefficient is called by its number, the row
+    (`Coefficients.rows`).
     """
 
     def __init__(
@@ -103,14 +108,17 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Minus the logarithm of the prior odds of one cause."""
+        """Logarithm of the factor by which each further cause makes a hypothesis less probable a priori."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of row indices as one array, in which the index of the zero row fills up shorter lists."""
+        """Return lists of coefficient numbers as one array, with one list in each row.
+
+        Shorter lists are filled up with the number of the last coefficient, which changes nothing.
+        """
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
             members[row, : len(indices)] = indices
@@ -126,9 +134,10 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the rows of no cause and of each cause alone, with inputs as uncertain as in one hypothesis.
+        """Return a slice of all hypotheses: the hypothesis without a cause, then each hypothesis with only one cause.
 
-        ``best`` is the index of this hypothesis.
+        If files state uncertainties of inputs, every hypothesis exists twice: with exact and with uncertain inputs. The
+        inputs are treated here as in the hypothesis with the index ``best``.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
@@ -148,7 +157,12 @@ class Weighing:
     def _alike(
         self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
     ) -> list[tuple[int, ...]]:
-        """Return the classes of some causes; the rows are a hypothesis, and the hypothesis with each cause added."""
+        """Put causes that the residuals do not distinguish into classes (groups), and return the indices in each class.
+
+        The first row of ``y`` and of ``posterior`` belongs to a hypothesis without the n ``causes``, and each of the
+        next n rows to this hypothesis with one of them. ``y`` (1 + n, N) has the data of these hypotheses (minus the
+        residuals), and ``error_squared`` the mean square of the unexplained error in mm^2.
+        """
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
         counts = [len(self.blocks[cause]) for cause in causes]
@@ -163,11 +177,14 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of some coefficients."""
+        """Return the prior standard deviations of the coefficients with the numbers ``rows``."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the rows of the uncertain inputs whose deviation is the same error as a cause, given by its index."""
+        """Return the numbers of the coefficients of those uncertain inputs that belong to a cause, given by its index.
+
+        An input belongs to a cause if a deviation of the input is the same error as the cause, such as a wrong scale.
+        """
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -177,41 +194,51 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the sum of the squares, in units of the noise, of the change of the data by some coefficients.
+        """Return how strongly some coefficients of a hypothesis change the data, in units of the noise.
 
-        ``base`` is the index of the hypothesis, and ``rows`` are the rows of the coefficients.
+        ``base`` is the index of the hypothesis, and ``rows`` are the numbers of the coefficients, which have their
+        posterior means. The result is the sum of the squared changes of the data, each divided by the variance of the
+        datum.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the shown amplitudes of a cause that change the data like some inputs do.
+        """Express deviations of inputs as a cause: return its amplitudes that change the data most similarly.
 
-        ``rows`` are the rows of the inputs, and ``amounts`` are the deviations of the inputs. ``cause`` is the index of
-        the cause. Least squares give the amplitudes, in units of the noise.
+        ``rows`` are the numbers of the coefficients of the inputs, ``amounts`` the deviations of the inputs, and
+        ``cause`` is the index of the cause. The changes of the data are compared by least squares in units of the
+        noise. Only the amplitudes that enter the reported value of the cause are returned.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of a cause that the stated uncertainties of the inputs give; 0 without one.
+        """Return the standard uncertainty of the size of a cause, as it follows from the files; 0 if no file states it.
 
-        If the cause has several amplitudes, the root of the sum of their squared standard uncertainties.
+        The files state uncertainties of inputs, which are converted to amplitudes of the cause. The result is the root
+        of the sum of the squares of all these amplitudes.
         """
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Weigh the causes if some of the uncertain inputs have exactly their stated values.
+        """Return how probable each further cause would be if some uncertain inputs had exactly their stated values.
 
         Parameters
         ----------
         base : int
-            Index of a hypothesis, whose simulation is used for all hypotheses here.
+            Index of a hypothesis, to which one cause at a time is added. Its simulation is also used for the hypotheses
+            with one cause more.
         rows : sequence of int
-            The rows of the inputs that are exact (`rows_of_inputs`).
+            Numbers of the coefficients of the inputs that are exact.
+
+        Returns
+        -------
+        Exact
+            The probabilities of the hypothesis alone and with each further cause.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
@@ -269,11 +296,11 @@ class Weighing:
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
         """Return the hypotheses that were not simulated, each with a simulated hypothesis whose residuals it can use.
 
-        A hypothesis is a set of causes (possible errors of the bench). Its residuals are linear functions of the
-        amplitudes (sizes) of the causes. The linear functions have no error only at amplitudes that were simulated. Of
-        two hypotheses that differ by one cause, the simulated one could therefore seem to agree better with the data. A
-        hypothesis that was not simulated thus uses the simulation of a hypothesis with some of its causes (a part). If
-        there are several parts, the most probable one is used.
+        A hypothesis is a set of causes (possible errors of the bench). Its residuals are computed by a linear model
+        from the amplitudes (sizes) of the causes. The model is exact only at amplitudes that were simulated. Of two
+        hypotheses that differ by one cause, the simulated one could therefore seem to agree better with the data. To
+        avoid this, a hypothesis that was not simulated uses the simulation of a smaller hypothesis, which has only some
+        of its causes (a part). If several parts were simulated, the most probable one is used.
 
         A part must contain every cause of the hypothesis that the fit has taken into account, because the shape at rest
         would differ without such a cause.
@@ -310,8 +337,8 @@ class Weighing:
 
         The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
         Two errors are counted. One is the error that remains after the corrections by better beam models. The other is
-        1 per cent of the simulated effects of the law and of each cause; ``moves``, shape (C, N) in mm, has these C
-        effects on the coefficients.
+        1 per cent of each change of the residuals under the most probable hypothesis. ``moves``, shape (C, N) in mm,
+        has these C changes, as changes of the coefficients.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
