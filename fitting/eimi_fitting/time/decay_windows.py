@@ -147,13 +147,13 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
 
-    The swing changes both numbers from one time window to the next. For each number, the error is the larger one of two
-    differences:
+    The swing changes both numbers from one time window to the next. Two estimates of the error are made for each
+    number, and the larger one is returned:
 
-    - Each used window is compared with the vibration that was fitted to all used windows, and twice the standard
-      uncertainty of the window is subtracted from their difference. The largest result counts. Windows with small
-      amplitudes are left out, because the swing is the larger part of the motion there.
-    - The second is half of the difference between the last used window and the first unused one.
+    - How far do the used windows deviate from the vibration that was fitted to all of them? Twice the standard
+      uncertainty of a window is subtracted from its deviation, and the largest result is the estimate. Windows with
+      small amplitudes are left out, because the swing is the larger part of the motion there.
+    - How large is the change from the last used window to the first unused one? Half of it is the estimate.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
     and loss factor of the fitted vibration.

@@ -89,6 +89,10 @@ class RingEvidence:
         Vibrations that belong to no planar mode of the beam are left out. With a hanging weight, only the lowest mode
         is used: a weight on a thread hardly changes the frequency of this mode, but raises the frequency of the second
         mode by 25 to 50 %.
+
+        table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
+        ring-down begins with a known step of the load. The material has then relaxed for a short time only, see
+        ``age_s``.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S

@@ -142,7 +142,11 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The objective function for the candidates of one generation of CMA-ES, with two flags for each candidate."""
+    """The objective function for the candidates of one generation of CMA-ES, in the form that the search expects.
+
+    ``objective_mm`` has the values of chi, which have no unit here. ``unconverged`` marks candidates whose residuals
+    could not be computed. ``unstable`` is False for all candidates.
+    """
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -312,10 +316,11 @@ _STRETCH = 2.0
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
     """Return f numbers that describe each of P candidate laws, (P, f).
 
-    The residuals of the fit are almost linear functions of these numbers. `drawn` therefore computes approximate
-    residuals from them, without a simulation. The numbers are logarithms of moduli at fixed times and at the angular
-    frequencies ``omegas`` (rad/s), loss factors of the material at these frequencies, and the logarithm of the factor
-    on the magnetic loads. unknowns: the m unknowns of each candidate, (P, m).
+    The residuals of the fit are almost linear functions of these numbers. Approximate residuals can therefore be
+    computed from the numbers without a simulation, as the sampling of the posterior needs them. The numbers are
+    logarithms of moduli at fixed times and at the angular frequencies ``omegas`` (rad/s), loss factors of the material
+    at these frequencies, and the logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each
+    candidate, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))

@@ -165,9 +165,9 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether the fitted changes of frequency and loss factor with the amplitude are small, at most ``_MOST_BEND``.
+        """Whether the fitted changes of the first mode with the amplitude are small enough for a free vibration.
 
-        Larger changes cannot be those of a free vibration.
+        The frequency may change by at most 5 %, and the loss factor by at most its value at small amplitudes.
         """
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 

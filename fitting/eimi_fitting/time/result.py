@@ -425,7 +425,11 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects."""
+    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects.
+
+    omega, dynamic: angular frequency in rad/s, and dynamic modulus in Pa at this frequency. The other arguments are
+    those of `result_of`; ``small`` has the small effects, such as the air.
+    """
     entries = []
 
     def effect_percent(moves: Array) -> float:

@@ -148,9 +148,10 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus from an elastic fit to the static states of runs, as evidence (a residual of a Prony fit).
+    """The shear modulus from an elastic fit to static states, as evidence (a residual of a Prony fit).
 
-    The edges of a state are measured some time after the load was set. The material has relaxed during this time.
+    The states were measured in one or more runs. In a run, one load after another acts on the beam. The edges of a
+    state are measured some time after the load was set. The material has relaxed during this time.
 
     Attributes
     ----------

@@ -92,7 +92,8 @@ def shown_rotations(
     signals : Signals
         All frames after the step.
     per_rad_mm : ndarray, shape (p, 2)
-        Displacements of the p points for a rotation of the tip by one rad, with which the measurement converts.
+        Displacements of the p points for a rotation of the tip by one rad, by which the measured displacements are
+        divided.
 
     Returns
     -------
@@ -195,8 +196,8 @@ def slow_rotations(
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
     """Return the amplitude of the vibration in m later frames, (m,), as a root mean square rotation of the tip in rad.
 
-    The vibration was fitted to a part of the recording and is subtracted only in this part. In the later frames a small
-    vibration remains, and the mean rotation over a few frames is uncertain by a part of it. gain: for each channel
+    The vibration was fitted to a part of the recording and is subtracted only in this part. A small vibration remains
+    in the later frames. It adds to the uncertainty of the mean rotation over a few frames. gain: for each channel
     (coordinate of a point), the displacement for a rotation of the tip by one rad, divided by the noise. times_s: times
     of the m frames.
     """

@@ -48,10 +48,13 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
     """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing.
 
-    The two vibrations have almost equal frequencies. The weight swings if the fit describes the motion much better than
-    ``fitted``, the fit of one vibration to the same frames. There is one exception, in which something else takes
-    energy from the beam: the first two time windows (``windows``) have the same frequency, but the loss factor in the
-    first window is far smaller than the loss factor of the beam that follows from the two vibrations (`of_beam`).
+    The two vibrations have almost equal frequencies. The weight swings if this fit describes the motion much better
+    than ``fitted``, the fit of one vibration to the same frames.
+
+    The result is also None if the beam first loses little energy and later more, with the same frequency in the first
+    two time windows (``windows``). Something else than the swing then takes energy from the beam. The loss is little if
+    the loss factor of the first window is between a fifth and a half of the loss factor that follows for the beam from
+    the two vibrations.
     """
     if fitted.noise < _NOISE:
         return None
