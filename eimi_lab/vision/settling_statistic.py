@@ -85,9 +85,9 @@ class Noise:
 
     @cached_property
     def _of_sums(self) -> NDArray[np.float64]:
-        """Variance of the noise at the mean of two 8-bit grey levels: a table, shape (511,).
+        """Variance of the noise for the two grey levels that a pixel has in two 8-bit frames: a table, (511,).
 
-        The index is the sum of the two grey levels.
+        The index is the sum of the two grey levels. The variance is that at their mean.
         """
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 

@@ -156,7 +156,7 @@ class BackLitSearch:
         return self._edge_points(left, scatter), self._edge_points(right, scatter), corners_px
 
     def _dark_beam_image(self, image: ArrayLike) -> _DarkBeamImage | None:
-        """Return the image with a dark beam, or None if the array is not an image or is too small."""
+        """Convert an image to grey values in which the beam is dark; return None if it is no image or too small."""
         try:
             pixels = grey(image) if self.projection is None else self.projection.apply(image)
         except ValueError:

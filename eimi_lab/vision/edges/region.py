@@ -39,7 +39,7 @@ class Region:
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
-        """Return the edges that were located in the rectangle, with their corners in pixels of the whole picture."""
+        """Convert the result of a search in the rectangle to the whole picture: move the corners of the beam."""
         corners = edges.corners_px + np.array([self.left, self.top])
         return replace(edges, corners_px=corners, calibration_digest=self.digest)
 

@@ -34,9 +34,9 @@ class BackLight:
     surface : ndarray
         The fitted back-light on a coarse grid over the image, grey levels.
     bright : float
-        Grey value of the back-light at the beam's root.
+        Grey value of the fitted back-light at the beam's root (its part at the clamp).
     dark : float
-        Grey value of the beam's root (its part at the clamp); at most `bright`.
+        Grey value of the beam's root; at most `bright`.
     """
 
     surface: NDArray[np.float32]

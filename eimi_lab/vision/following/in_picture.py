@@ -14,7 +14,7 @@ from eimi_lab.vision.intensity import full_scale
 
 
 def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBeam:
-    """Return the beam of the given length and width (mm) in pixels, at the clamp of the calibration.
+    """Convert the nominal beam to pixels: its clamp and axis in the calibration, and its length and width in mm.
 
     A width that the specimen file gives as a table (`SizeAlong`) varies along the beam.
     """

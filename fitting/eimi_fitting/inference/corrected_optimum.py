@@ -206,9 +206,10 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Correct ``now`` to have the residuals ``better`` at ``optimum``, and return it with its new optimum.
+    """Correct the residuals of a problem by a better beam model; return the corrected problem and its new optimum.
 
-    The correction is a constant difference that is added to the residuals of the problem ``now``.
+    ``better`` has the residuals of the better model at ``optimum``, the optimum of the problem ``now``. The difference
+    of the residuals of both models is added to the residuals of the problem as a constant.
     """
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)

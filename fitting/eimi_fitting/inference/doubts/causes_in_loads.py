@@ -29,9 +29,9 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads of K states divided by ``stiffness`` (K,), because a softer beam bends as under larger loads.
+    """Return the loads of K states for a beam of another stiffness: the loads divided by ``stiffness`` (K,).
 
-    ``stiffness`` has the factor on the stiffness of the beam in each state.
+    ``stiffness`` has the factor on the stiffness of the beam in each state. A softer beam bends as under larger loads.
     """
     over = 1 / stiffness[:, None]
     return replace(
@@ -40,9 +40,10 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads that describe a beam that softens in proportion to time, with equal time between states.
+    """Return the loads of a beam that softens in proportion to time, with equal time between states.
 
-    The only amplitude is the share of the stiffness that is lost between the first and the last state.
+    A softer beam bends as under larger loads. The loads are therefore increased. The only amplitude is the share of the
+    stiffness that is lost between the first and the last state.
     """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 

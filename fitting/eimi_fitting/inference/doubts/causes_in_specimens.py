@@ -34,7 +34,7 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit with measured edges from which the effect of a twist is subtracted.
+    """Return the assumptions of a fit, in which the measured edges are corrected for a twist of the beam.
 
     The magnet twists the beam if its moment points out of the plane of the picture. The only amplitude is the angle
     between moment and plane in degrees.
@@ -52,7 +52,7 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit with two more terms of the law, (I1 - 3)^2 and I2 - 3.
+    """Return the assumptions of a fit, in which the strain energy has two more terms: (I1 - 3)^2 and I2 - 3.
 
     The two amplitudes are the coefficients of the terms as shares of the initial shear modulus. The initial shear
     modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.

@@ -256,8 +256,9 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
     """Return a doubt (reason to distrust the fit) for each mistake that was found in the stated loads.
 
-    ``slips`` are the mistakes, such as a reversed field. If the mistake is corrected, the error is less than 0.4 of the
-    error with the stated loads. The error is the mean over the states of the root mean square residual in mm.
+    ``slips`` are the mistakes, such as a reversed field. A mistake counts as found if its correction reduces the error
+    to less than 0.4 of the error with the stated loads. The error is the mean over the states of the root mean square
+    residual in mm.
     """
     return tuple(
         Doubt(

@@ -110,7 +110,7 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The sources of uncertainty (keys of `SOURCES`) whose deviation is the same error as this cause."""
+        """The uncertain inputs (keys of `SOURCES`) that are wrong if this cause is present; empty if there is none."""
         return (self.source, *self.parts_of) if self.source else ()
 
 

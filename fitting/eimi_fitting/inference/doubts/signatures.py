@@ -87,11 +87,11 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Return the assumptions with the simulated shapes of the beam and the residuals.
+        """Simulate the beam under the assumptions of a fit, and compute its residuals.
 
         The solver starts from the shapes of ``before``. If ``assumed`` and ``before`` differ only in the picture, the
-        shapes of ``before`` are returned without a new solution. The result is None if no equilibrium is found, or if
-        the deviations make the specimen invalid.
+        shapes of ``before`` are used without a new solution. The result is None if no equilibrium is found, or if the
+        deviations make the specimen invalid.
         """
         try:
             return Solved._of(assumed, before)
@@ -336,9 +336,8 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
     """Return each amplitude (size) of a cause with its signature; empty if the cause does not change the residuals.
 
-    A cause is a possible error of the bench.
-
-    The signature is the change of the residuals in mm for an amplitude of one.
+    A cause is a possible error of the bench. The signature is the change of the residuals in mm for an amplitude of
+    one.
     """
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):

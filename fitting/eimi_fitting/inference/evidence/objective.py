@@ -107,10 +107,10 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether tensile curves or priors contradict each of P candidates as strongly as can be represented, (P,).
+        """Whether the objective of each of P candidates is at its limit, because other evidence contradicts it, (P,).
 
-        The objective of a valid candidate is limited to 0.99 of the objective of an invalid candidate (`DISCARDED_MM`).
-        The result is True for a candidate at this limit.
+        The other evidence is tensile curves and priors. The objective of a valid candidate is limited to 0.99 of the
+        objective of an invalid candidate (`DISCARDED_MM`).
         """
         return self.objective_mm == _MOST_MM
 

@@ -22,9 +22,9 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether the field of one state points against the strongest field of all states.
+    """Return whether the field in at least one state points against the strongest field of all states.
 
-    The component against the strongest field must exceed 0.2 of the strongest field.
+    In this state, the component against the strongest field must exceed 0.2 of the strongest field.
     """
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
