@@ -92,6 +92,17 @@ def accepts_negative(self: Any, current_A: float) -> None:
         Scpi.set_current(self, current_A)
 
 
+def complains_while(on: bool) -> Callable[..., None]:
+    """Return a method `check` that raises an error whenever the output is on, or whenever it is off."""
+
+    def check(self: Any) -> None:
+        Scpi.check(self)
+        if self.output_on() is on:
+            raise InstrumentError(f"a complaint while the output is {'on' if on else 'off'}")
+
+    return check
+
+
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
     """Return a function that makes a faulty method for a driver class, from the name of the method.
 
@@ -156,6 +167,16 @@ SUPPLIES_IN_WORDS: list[tuple[str, type, str]] = [
         "drives_the_coil_and_switches_it_off",
         measuring(lambda reading: replace(reading, current_A=reading.current_A - 0.011)),
         r"measure\(\) should return 0\.7 A and 2\.8 V",
+    ),
+    (
+        "drives_the_coil_and_switches_it_off",
+        supply(check=complains_while(True)),
+        r"InstrumentError: a complaint while the output is on",
+    ),
+    (
+        "drives_the_coil_and_switches_it_off",
+        supply(check=complains_while(False)),
+        r"InstrumentError: a complaint while the output is off",
     ),
     (
         "refuses_set_points_outside_its_limits",

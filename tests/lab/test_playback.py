@@ -31,6 +31,7 @@ class Pictures:
     def __init__(self) -> None:
         self.at = 0
         self.closed = False
+        self.waits_s: list[float] = []
         self.lost_frames: Counter[str] = Counter()
 
     def identify(self) -> Identity:
@@ -40,6 +41,7 @@ class Pictures:
         raise AssertionError("a recording is never flushed")
 
     def grab(self, timeout_s: float) -> Frame:
+        self.waits_s.append(timeout_s)
         if self.at == 3:
             raise EndOfPlayback("end of playback after 3 images")
         self.at += 1
@@ -74,9 +76,10 @@ def shown(frame: Frame) -> tuple[int, int]:
 def test_a_recording_is_played_frame_by_frame_to_its_end(opened: list[Pictures]) -> None:
     camera = played(opened, picture_a_state=False, loop=False)
     camera.flush()
-    assert [shown(camera.grab(1.0)) for _ in range(3)] == [(1, 1), (2, 2), (3, 3)]
+    assert [shown(camera.grab(wait_s)) for wait_s in (0.5, 1.0, 2.0)] == [(1, 1), (2, 2), (3, 3)]
     with pytest.raises(EndOfPlayback):
-        camera.grab(1.0)
+        camera.grab(4.0)
+    assert opened[0].waits_s == [0.5, 1.0, 2.0, 4.0]
     assert camera.identify().text == "three pictures"
     camera.close()
     assert opened[0].closed
@@ -93,6 +96,7 @@ def test_a_picture_serves_for_a_whole_state(opened: list[Pictures]) -> None:
     assert cue.state == 0
     camera = played(opened, cue, picture_a_state=True, loop=False)
     assert [shown(camera.grab(1.0)) for _ in range(3)] == [(1, 1), (2, 1), (3, 1)]
+    assert opened[0].waits_s == [1.0]
     times_s = [camera.grab(1.0).timestamp_s for _ in range(2)]
     assert times_s[0] <= times_s[1]
     cue.state = 2  # the run resumed: the picture of state 1 is passed over
