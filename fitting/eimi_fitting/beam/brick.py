@@ -211,7 +211,8 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
     """Yield the tangent stiffnesses of the elements, group by group, so that not all of them are in memory together.
 
-    A group has at most `AT_ONCE` elements. For the arguments and the entries of the matrices see `stiffness`.
+    A group of e elements is an array (e, B, 81, 81) in N/mm for B candidate laws, with at most `AT_ONCE` elements. See
+    `stiffness` for the arguments and for the entries of the matrices.
     """
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]

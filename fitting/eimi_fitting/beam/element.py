@@ -307,10 +307,11 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffnesses of all elements as one array; for its entries and the arguments see `stiffness`.
+    """Yield the tangent stiffnesses of all elements as one array, (E, B, 18, 18).
 
     Solid elements are yielded in groups, to save memory. `beam.equilibrium` treats both kinds of elements in the same
-    way, and this function therefore yields one group.
+    way, and this function therefore yields one group. See `stiffness` for the arguments and for the entries of the
+    matrices.
     """
     yield stiffness(ops, ev, predicted)
 

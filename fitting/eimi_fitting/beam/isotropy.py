@@ -126,9 +126,9 @@ def _adjugate(C: Array) -> Array:
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
     """Add the contribution of a pressure p to the stress S and to its derivative D by the Green strain, in place.
 
-    `response` returns S, D and the array ``volume``, which is J C^-1 with the right Cauchy-Green tensor C. J is the
-    determinant of the deformation gradient. The contribution to S is p J C^-1. The contribution to D is the derivative
-    of p J C^-1 by the Green strain, at constant p.
+    The contribution to S is p J C^-1, with the determinant J of the deformation gradient and the right Cauchy-Green
+    tensor C. The contribution to D is the derivative of p J C^-1 by the Green strain, at constant p. ``volume`` is J
+    C^-1. The arrays ``volume``, S and D have the axes that `response` describes.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))

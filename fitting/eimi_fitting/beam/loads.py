@@ -168,7 +168,7 @@ class Loads:
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return m zeros, the numbers that describe a state without loads; see `state`."""
+        """Return m zeros, the numbers that describe a state without loads."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:

@@ -62,7 +62,9 @@ class ReducedMotion:
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
         """Return the complex rates s of the lowest ``count`` vibrations of B candidate laws, (B, count) in 1/s.
 
-        ratio: the complex modulus at the rate s divided by the modulus of the equilibrium, r(s); see `complex_roots`.
+        A vibration is proportional to exp(s t). ratio: function r(s) that takes rates (B, count), and returns the
+        complex modulus at these rates, divided by the static modulus of the equilibrium. The rate of a mode that does
+        not vibrate is NaN.
         """
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 

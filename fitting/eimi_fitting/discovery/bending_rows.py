@@ -75,11 +75,10 @@ def bending_rows(
     exact to first order near the coefficients ``about``.
 
     The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
-    nuisance is an error of the modulus by a factor that all beams share; `scale_deviation` is its standard uncertainty.
-    The others are the errors of the inputs for which a file states an uncertainty; an input with several components,
-    such as x and y of the clamp, gives several nuisances. The remaining error of the beam model counts as additional
-    noise in each state. If a beam has no equilibrium, the linearisation is repeated about laws that are 1 % stiffer,
-    1 % softer and 3 % stiffer.
+    nuisance is an error of the modulus by a factor that all beams share. The others are the errors of the inputs for
+    which a file states an uncertainty; an input with several components, such as x and y of the clamp, gives several
+    nuisances. The remaining error of the beam model counts as additional noise in each state. If a beam has no
+    equilibrium, the linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
 
     Parameters
     ----------
@@ -215,8 +214,8 @@ def _whitened(
     The edge of a state has many points and would give one equation for each point. But all that the fit can change are
     the coefficients and the nuisances (errors of inputs). Each of them displaces the points of the edge in one pattern,
     a vector, and the error of the beam model is one more such vector. The equations are therefore projected on the
-    space of these few vectors. All projected equations of a state share the error of the beam model; `_inverse_root`
-    makes them independent.
+    space of these few vectors. All projected equations of a state share the error of the beam model, so that their
+    errors are correlated. They are transformed to equations with independent errors.
 
     Parameters
     ----------

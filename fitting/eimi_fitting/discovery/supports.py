@@ -15,7 +15,7 @@
    reduces S by at most |delta|^2. The rule then rejects the right set only if |delta|^2 > 3 |delta|, that is, if
    |delta| is above three standard deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
-   compatible set contains it, and `upper_coefficients` computes how large each further term could be.
+   compatible set contains it. An upper limit is then computed for the coefficient of each further term.
 """
 
 from __future__ import annotations

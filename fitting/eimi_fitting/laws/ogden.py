@@ -55,8 +55,8 @@ _SERIES_PRODUCT = 2.0
 def _number_of_terms(nu2: float, z: float) -> int:
     """Return the number of terms of a power series that have to be added for full precision, at most ten.
 
-    It is the series of g(c) = cosh(nu arccosh c) about c = 1, which `_cosh_of_scaled_angle` uses. The number is also
-    large enough for the second derivative of g. nu2: the largest nu^2; z: the largest c - 1.
+    The series of g(c) = cosh(nu arccosh c) about c = 1 gives the energy of an Ogden term near equal stretches. The
+    number is also large enough for the second derivative of g. nu2: the largest nu^2; z: the largest c - 1.
     """
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0

@@ -99,7 +99,10 @@ class Problem:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the m unknowns, in the order of `mean`, shape (m,)."""
+        """The prior standard deviations of the m unknowns, (m,): those of ``terms``, then that of ln(load factor).
+
+        The load factor is a factor on the magnetic loads.
+        """
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:

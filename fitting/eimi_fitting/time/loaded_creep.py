@@ -185,7 +185,8 @@ class CreepHistories:
     def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
         """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
 
-        For the arguments see `creep`.
+        instantaneous_Pa: instantaneous shear modulus of each candidate, (P,). series: a Prony series for each
+        candidate. load_factor: factor on the moments of all loads, for each candidate, (P,).
         """
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]

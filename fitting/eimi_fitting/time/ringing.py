@@ -208,7 +208,8 @@ class RingTable:
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
         """Return the complex rates s of the vibrations of P candidate laws, (P, count) in 1/s.
 
-        The rates are corrected from the planar to the solid model by `solid_over_planar`.
+        A vibration is proportional to exp(s t). The rates are computed with the planar model, and multiplied by the
+        ratio of the frequencies of the solid model and the planar model.
 
         Parameters
         ----------

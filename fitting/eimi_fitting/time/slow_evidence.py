@@ -102,8 +102,8 @@ class CreepEvidence:
         Origin of the recording, for messages.
     shown : tuple of ndarray, or None
         A table of true rotations and of the rotations that are measured in their place, both in rad. They differ
-        because the measurement converts displacements to rotations by a constant factor
-        (`slow_motion.shown_rotations`). None if the measured rotations are the true ones.
+        because the measurement converts displacements to rotations by a constant factor. None if the measured rotations
+        are the true ones.
     """
 
     history: LoadHistory
@@ -207,7 +207,7 @@ class StaticEvidence:
         """Return ln(modulus) that an elastic fit would find for given rotations of the tip, (P,).
 
         The result is a mean over the states; states with larger rotations have more weight. rotations: for each run,
-        the rotations at the times in `histories` for P candidate laws, (P, states) in rad.
+        the rotations when the edges of its states were measured, for P candidate laws, (P, states) in rad.
         """
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
@@ -223,7 +223,10 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of ln(modulus), (P, 1), for the rotations of the tip at the times in `histories`."""
+        """Return the residual of ln(modulus) of P candidate laws, (P, 1), from the computed rotations of the tip.
+
+        rotations: for each run, the rotations when the edges of its states were measured, (P, states) in rad.
+        """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
