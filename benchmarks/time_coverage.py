@@ -106,30 +106,37 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
     return _KEPT[key]
 
 
-def _stiffness_slopes() -> tuple[np.ndarray, np.ndarray]:
-    """Return the logarithms of the two stiffnesses of the nominal rod, (2,), and their derivatives, (3, 2).
+def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
+    """Return the stiffness of the nominal rod, and the derivatives of length, hinge and softening, (3, 3).
 
-    The first is the bending stiffness, the second the stiffness of the hinge between the rod and the magnet. The
-    derivatives are those by the logarithms of width, depth and length.
+    The derivatives are those of the logarithms of length and hinge and of the softening in m², with respect to the
+    logarithms of width, depth and length of the beam, one row for each of these dimensions.
     """
 
-    def logs(specimen: Specimen) -> np.ndarray:
-        stiffness = stiffness_of_solid(specimen, "neo-hookean", (50e3,), _SOLID)
-        return np.log([stiffness.bending_m4, stiffness.hinge_m3])
+    def rod(specimen: Specimen) -> Stiffness:
+        return stiffness_of_solid(specimen, "neo-hookean", (50e3,), _SOLID)
+
+    def numbers(stiffness: Stiffness) -> np.ndarray:
+        return np.array([np.log(stiffness.length_m), np.log(stiffness.hinge_m3), stiffness.softening_m2])
 
     slopes = []
     for key in ("width_mm", "depth_mm", "length_mm"):
         larger, smaller = (replace(BEAM, **{key: factor * getattr(BEAM, key)}) for factor in (1.01, 1 / 1.01))
-        slopes.append((logs(larger) - logs(smaller)) / (2 * np.log(1.01)))
-    return logs(BEAM), np.array(slopes)
+        slopes.append((numbers(rod(larger)) - numbers(rod(smaller))) / (2 * np.log(1.01)))
+    return rod(BEAM), np.array(slopes)
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
     """Return the stiffness of the rod for a specimen whose dimensions differ little from the nominal dimensions."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
-    bending, hinge = np.exp(nominal + change @ slopes)
-    return Stiffness(float(bending), float(hinge))
+    length, hinge, softening = change @ slopes
+    return replace(
+        nominal,
+        length_m=nominal.length_m * float(np.exp(length)),
+        hinge_m3=nominal.hinge_m3 * float(np.exp(hinge)),
+        softening_m2=nominal.softening_m2 + float(softening),
+    )
 
 
 def _static_angles() -> tuple[np.ndarray, np.ndarray]:

@@ -91,8 +91,8 @@ class MovingBeam:
     def coordinates(self) -> Array:
         """The present n coordinates of the rod that models the beam, shape (n,).
 
-        They describe the curvature of the rod, the angle of the hinge between rod and magnet if there is a magnet, and
-        the strain of the rod; see `Rod`.
+        They describe the curvature of the rod, the angle of the hinge between rod and magnet if there is a magnet, the
+        strain and the shear of the rod; see `Rod`.
         """
         return self._state[: self.rod.size]
 
@@ -107,7 +107,9 @@ class MovingBeam:
 
         def unbalanced(z: Array) -> Array:
             derivatives, remaining = self.rod.moved(z, still)
-            return (self.rod.loads(z, derivatives, remaining, field_T, gravity) - self._elastic * z) / self._elastic
+            return (
+                self.rod.loads(z, derivatives, remaining, field_T, gravity) - self._elastic * self.rod.strain(z)
+            ) / self._elastic
 
         solved = scipy.optimize.root(unbalanced, still if start is None else start, tol=_TOLERANCE)
         if np.abs(solved.fun).max() > 1e-6:
@@ -120,7 +122,7 @@ class MovingBeam:
         still = np.zeros(self.rod.size)
 
         def force(z: Array) -> Array:
-            return self.rod.loads(z, *self.rod.moved(z, still), field_T, gravity) - self._elastic * z
+            return self.rod.loads(z, *self.rod.moved(z, still), field_T, gravity) - self._elastic * self.rod.strain(z)
 
         tangent = np.stack([(force(rest - e) - force(rest + e)) / (2 * step) for e in step * np.eye(len(rest))], axis=1)
         squares = np.linalg.eigvals(np.linalg.solve(self.rod.mass(self.rod.moved(rest, still)[0]), tangent))
@@ -230,8 +232,9 @@ class MovingBeam:
         def unbalanced(speed: Array) -> tuple[Array, Array]:
             z = constant_z + part * speed
             derivatives, remaining = self.rod.moved(z, speed)
-            stress = (kept[:, None] * (constant_stress + part * self._shares[:, None] * speed)).sum(axis=0)
-            elastic = self._elastic * (z + self._viscosity_s * speed + stress)
+            rate = self.rod.strain_rate(z, speed)
+            stress = (kept[:, None] * (constant_stress + part * self._shares[:, None] * rate)).sum(axis=0)
+            elastic = self._elastic * (self.rod.strain(z) + self._viscosity_s * speed + stress)
             mass = self.rod.mass(derivatives)
             force = self.rod.loads(z, derivatives, remaining, *loads) - elastic
             return mass @ (speed - constant_speed) - part * force, mass
@@ -251,8 +254,10 @@ class MovingBeam:
             if not np.isfinite(speed).all():
                 return None
             if np.abs(part * change).max() < _CONVERGED:
-                stress = kept[:, None] * (constant_stress + part * self._shares[:, None] * speed)
-                return np.concatenate([constant_z + part * speed, speed, stress.ravel()])
+                z = constant_z + part * speed
+                rate = self.rod.strain_rate(z, speed)
+                stress = kept[:, None] * (constant_stress + part * self._shares[:, None] * rate)
+                return np.concatenate([z, speed, stress.ravel()])
             if iteration == _NEWTON_STEPS // 2:
                 matrix = None
         return None

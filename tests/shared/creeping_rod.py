@@ -71,6 +71,10 @@ class CreepingRod:
         ends = [self._force(z + e, field_mT) - self._force(z - e, field_mT) for e in _STEP * np.eye(len(z))]
         return np.stack(ends, axis=1) / (2 * _STEP)
 
+    def _hardness(self, z: Array) -> Array:
+        """Return the derivatives of the n strains (`Rod.strain`) with respect to the n coordinates, shape (n, n)."""
+        return np.stack([self.rod.strain_rate(z, e) for e in np.eye(len(z))], axis=1)
+
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
         """Return the coordinates at the end of a step in time, at which the forces balance the loads, (n,).
 
@@ -82,10 +86,11 @@ class CreepingRod:
         remembers at the end, (terms,).
         """
         gain = float(gains.sum())
-        matrix = (1 + gain) * np.eye(len(z)) - self._tangent(z, field_mT) / self._elastic[:, None]
-        new = z
+        matrix = (1 + gain) * self._hardness(z) - self._tangent(z, field_mT) / self._elastic[:, None]
+        new, strain = z, self.rod.strain(z)
         for _ in range(_CHORDS):
-            gap = new + faded.sum(axis=0) + gain * (new - z) - self._force(new, field_mT) / self._elastic
+            moved = self.rod.strain(new)
+            gap = moved + faded.sum(axis=0) + gain * (moved - strain) - self._force(new, field_mT) / self._elastic
             new = new - np.linalg.solve(matrix, gap)
         return new
 
@@ -114,7 +119,7 @@ class CreepingRod:
         gains = self._shares * (1 - kept) / (span_s * self._rates)
         faded = kept[:, None] * self._memory
         new = self._balanced(self.coordinates, faded, gains, field_mT)
-        self._memory = faded + gains[:, None] * (new - self.coordinates)
+        self._memory = faded + gains[:, None] * (self.rod.strain(new) - self.rod.strain(self.coordinates))
         self.coordinates = new
 
     def rates(self, coordinates: Array, field_mT: float) -> tuple[NDArray[np.complex128], Array, Array]:
@@ -128,7 +133,7 @@ class CreepingRod:
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
         rest = -np.stack([self._tangent(z, field_mT) for z in coordinates])
         rest = 0.5 * (rest + rest.swapaxes(1, 2))
-        material = np.repeat(np.diag(self._elastic)[None], len(coordinates), axis=0)
+        material = np.stack([self._elastic[:, None] * self._hardness(z) for z in coordinates])
         long_term = float(self._series.long_term)
         roots = complex_roots(material, rest, masses, lambda s: self._series.complex_ratio(s) / long_term, 1)[:, 0]
         stiffening = float(np.real(self._series.complex_ratio(1j * roots[0].imag)) / long_term)

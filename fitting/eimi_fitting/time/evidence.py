@@ -71,6 +71,8 @@ class RingEvidence:
         Pairs of the number of a mode, from 0, and the measured frequency and loss factor of this mode.
     inflation : float
         Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
+    repeats : int
+        Number of ring-downs with the same table. The errors of the table are common to all of them.
     age_s : float
         Time in s from the last change of the load to the vibrations. The material has relaxed for this time. The
         equilibrium about which the beam vibrates is computed with the modulus at this time.
@@ -80,6 +82,7 @@ class RingEvidence:
     decay: Decay
     modes: tuple[tuple[int, RingMode], ...]
     inflation: float = 1.0
+    repeats: int = 1
     age_s: float = AT_REST_S
 
     @staticmethod
@@ -141,7 +144,9 @@ class RingEvidence:
         mode, from 0.
         """
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
-        covariance = self.inflation**2 * mode.covariance + np.diag([errors[0] ** 2, (errors[1] * mode.loss) ** 2])
+        # Common errors do not average out: each ring-down gets a share of the weight of one.
+        of_table = self.repeats * np.square([errors[0], errors[1] * mode.loss])
+        covariance = self.inflation**2 * mode.covariance + np.diag(of_table)
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
 
     @property
@@ -235,7 +240,7 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
+    """Return ring-downs (free vibrations) with their numbers of repeats, and with uncertainties that agree with scatter.
 
     Ring-downs under the same loads should have the same frequency and loss factor. If they differ by more than their
     uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).
@@ -253,5 +258,5 @@ def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
         )  # fmt: skip
         mean = (values / spread**2).sum(axis=0) / (1 / spread**2).sum(axis=0)
         ratio = np.sqrt((((values - mean) / spread) ** 2).sum(axis=0) / (len(alike) - 1)).max()
-        widened.append(replace(ring, inflation=float(max(ratio, 1.0))))
+        widened.append(replace(ring, inflation=float(max(ratio, 1.0)), repeats=len(alike)))
     return tuple(widened)

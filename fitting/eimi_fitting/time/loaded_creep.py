@@ -15,7 +15,7 @@ this assumption is measured in `tests/fitting/time` by comparison with finite el
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,23 +45,29 @@ class LoadCurve:
     moment : ndarray, shape (m,)
         The moment of the loads at each rotation in Pa rad: the moment in N m, divided by a constant of the beam in m³.
         It is mu theta, where mu is the shear modulus with which the tip of an elastic beam rotates by theta.
+    of_field : ndarray, shape (m,)
+        The part of ``moment`` that the field causes. It is proportional to the field. The other part is that of gravity
+        and of forces.
     """
 
     rotation: Array
     moment: Array
+    of_field: Array
 
     @staticmethod
-    def through(rotation: Array, moment: Array) -> LoadCurve:
-        """Return the curve through a few pairs of a rotation and a moment, by a cubic spline.
+    def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
+        """Return the curve through the moments at a few rotations, by splines.
 
-        rotation: rotations of the tip in rad. moment: moment of the loads at each rotation in Pa rad (see ``moment`` of
-        `LoadCurve` for this unit).
+        nominal: rotations (rad) and moments (Pa rad), of the same length. stronger: the same in a field that is
+        ``factor`` times as strong. The difference gives the part of the field.
         """
-        order = np.argsort(rotation)
-        if len(order) < 4:
-            return LoadCurve(rotation[order], moment[order])
-        even = np.linspace(rotation[order[0]], rotation[order[-1]], _NODES)
-        return LoadCurve(even, scipy.interpolate.CubicSpline(rotation[order], moment[order])(even))
+        spline = _spline(*nominal)
+        even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
+        moment = spline(even)
+        if len(stronger[0]) < 2:
+            return LoadCurve(even, moment, moment)
+        more, of_more = stronger
+        return LoadCurve(even, moment, _spline(more, (of_more - spline(more)) / (factor - 1))(even))
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
@@ -70,7 +76,7 @@ class LoadCurve:
         The moment (Pa rad) is -``stiffness_Pa`` times the rotation of the tip (rad).
         """
         ends = np.array([-3.0, 3.0])
-        return LoadCurve(ends, -stiffness_Pa * ends)
+        return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
         """Return the moment in Pa rad and its derivative by the rotation in Pa, at P rotations in rad, (P,) each.
@@ -84,11 +90,18 @@ class LoadCurve:
     def at_even_rotations(self) -> LoadCurve:
         """Return the same curve, given by moments at equally spaced rotations."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
-        return LoadCurve(even, self.at(even)[0])
+        return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 
     @cached_property
     def _slopes(self) -> Array:
         return np.asarray(np.diff(self.moment) / np.diff(self.rotation))
+
+
+def _spline(x: Array, y: Array) -> Callable[[Array], Array]:
+    """Return an interpolating spline, cubic if there are at least four points."""
+    order = np.argsort(x)
+    spline: Callable[[Array], Array] = scipy.interpolate.make_interp_spline(x[order], y[order], k=min(3, len(x) - 1))
+    return spline
 
 
 @dataclass(frozen=True)
@@ -127,7 +140,7 @@ def creep(
     times_s : ndarray, shape (m,)
         Increasing times in s after the first of ``steps``.
     load_factor : ndarray, shape (P,)
-        Factor on the moments of all loads, for each candidate.
+        Factor on the field, for each candidate.
 
     Returns
     -------
@@ -177,10 +190,10 @@ class CreepHistories:
         self._first = starts[of_step][..., None]
         self._per_rad = per_rad[of_step][..., None]
         self._base = (of_step * (_NODES - 1))[..., None]
-        slopes = np.stack([np.diff(curve.moment) / np.diff(curve.rotation) for curve in even])
-        moments, rotations = (np.stack([getattr(curve, key)[:-1] for curve in even]) for key in ("moment", "rotation"))
-        crossings = moments - slopes * rotations  # moments of the straight lines at the rotation 0
-        self._slopes, self._crossings = slopes.ravel(), crossings.ravel()
+        rotations = np.stack([curve.rotation for curve in even])
+        of_field = np.stack([curve.of_field for curve in even])
+        self._of_field = _lines(rotations, of_field)
+        self._others = _lines(rotations, np.stack([curve.moment for curve in even]) - of_field)
 
     def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
         """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
@@ -207,12 +220,21 @@ class CreepHistories:
                 node = ((new - self._first[j]) * self._per_rad[j]).astype(np.intp)
                 np.minimum(np.maximum(node, 0, out=node), _NODES - 2, out=node)
                 node += self._base[j]
-                slope = load_factor * self._slopes.take(node)
-                gap = (stiffness - slope) * new + remembered - load_factor * self._crossings.take(node)
+                slope, crossing = self._others.take(node, axis=1) + load_factor * self._of_field.take(node, axis=1)
+                gap = (stiffness - slope) * new + remembered - crossing
                 new = new - gap / np.maximum(stiffness - slope, softest[j])
             overstress += shares[j] * (new - theta)
             theta = every[j] = new
         return [every[wanted, k].T for k, wanted in enumerate(self._wanted)]
+
+
+def _lines(rotations: Array, moments: Array) -> Array:
+    """Return slopes (Pa) and moments at the rotation 0 (Pa rad) of straight lines between nodes, (2, curves * lines).
+
+    rotations, moments: those of the nodes of each curve, (curves, lines + 1).
+    """
+    slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
+    return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
 
 
 @dataclass(frozen=True)

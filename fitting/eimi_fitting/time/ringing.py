@@ -10,8 +10,10 @@ moduli matter:
   is computed for a few real ratios r. The values of lambda/r are interpolated by a polynomial in 1/r, which then gives
   lambda for any complex r.
 
-The modes are computed with a planar model. The frequencies are then multiplied by a factor for each mode: the frequency
-of the solid model divided by the frequency of the planar model, computed once, at the middle of the equilibrium moduli.
+The modes are computed with a planar model. Its equilibrium modulus is multiplied by a factor with which the planar
+model bends like the solid model. The ratio r and the eigenvalue of each mode are multiplied by two other factors, with
+which the planar model has the frequency of the solid model for two ratios. All factors are computed once, at the middle
+of the equilibrium moduli.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from numpy.typing import NDArray
 
 from eimi_fitting.beam.beside import SolidBeside, SolidOptions
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.beam.modal_motion import fixed_point, squares_by_stiffening
+from eimi_fitting.beam.modal_motion import ReducedMotion, fixed_point, squares_by_stiffening
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.path import candidates
 from eimi_fitting.beam.solid_model import SolidModel
@@ -52,6 +54,9 @@ _STIFFENINGS = (1.0, 2.0)  # at 7 mT one of them alone gives losses that are 2 %
 _LEAST_RATIO = 0.6  # of r; polynomials in 1 / r also hold for every larger ratio
 _DEGREE = 10  # of the polynomials in 1 / r
 _MODES = 3
+_RATIOS = (0.9, 1.2)  # of the modulus in a vibration to the equilibrium modulus, as silicones have them
+_CORRECTIONS, _STEP = 6, 1e-4  # Newton steps for the factors on the ratios r, and step of their finite differences
+_NO_SLOPE, _LARGEST = 1e-3, 0.25  # a smaller slope changes no factor; largest logarithm of a factor
 _LOAD_LOGS = np.array([-0.2, 0.0, 0.2])  # logarithms of the factors on the magnetic loads at which modes are computed
 _SOLID = (20, 2)  # elements along and across; the frequency is 0.02 % above that of finer ones
 
@@ -208,8 +213,8 @@ class RingTable:
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
         """Return the complex rates s of the vibrations of P candidate laws, (P, count) in 1/s.
 
-        A vibration is proportional to exp(s t). The rates are computed with the planar model, and multiplied by the
-        ratio of the frequencies of the solid model and the planar model.
+        A vibration is proportional to exp(s t). The rates are computed with the planar model, whose stiffness is
+        corrected so that they are those of the solid model.
 
         Parameters
         ----------
@@ -223,20 +228,58 @@ class RingTable:
         load_log : ndarray, shape (P,), optional
             Logarithm of a factor on the magnetic loads.
         """
-        inside = np.clip(log_modulus, *np.log(self.range_Pa))
-        beyond = np.exp(log_modulus - inside)[:, None]  # outside the table only the equilibrium is that at its end
-        factors = np.zeros(len(inside)) if load_log is None else load_log
-        each = np.exp(self._size(inside))[:, :, None] * self._polynomials(inside)
-        polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, factors), each)
+        softer = float(np.log(self.planar_over_solid_modulus))
+        inside = np.clip(log_modulus + softer, *np.log(self.range_Pa))
+        beyond = np.exp(log_modulus + softer - inside)  # outside the table only the equilibrium is that at its end
+        factor, size = (one[:count] for one in self._correction)
+        planar = self._squares(inside, np.zeros(len(inside)) if load_log is None else load_log, count)
+
+        def squares(stiffening: ComplexArray) -> ComplexArray:
+            return size * planar(stiffening)
+
+        def of_inside(s: ComplexArray) -> ComplexArray:
+            return np.asarray(beyond[:, None] * factor * ratio(s))
+
+        return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
+
+    def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
+        """Return the function that gives the eigenvalues of the planar model, (P, count), for ratios r of that shape.
+
+        log_modulus: logarithms of the equilibrium moduli in the table, (P,). load_log: those of the factors on the
+        magnetic loads, (P,).
+        """
+        each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
+        polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
 
         def squares(stiffening: ComplexArray) -> ComplexArray:
             return np.asarray(stiffening * chebval(_in_unit(stiffening), columns, tensor=False))
 
-        def of_inside(s: ComplexArray) -> ComplexArray:
-            return np.asarray(beyond * ratio(s))
+        return squares
 
-        return self.solid_over_planar[:count] * fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
+    @cached_property
+    def _correction(self) -> tuple[Array, Array]:
+        """The factors on the ratios r and on the eigenvalues of the planar model's modes, (3,) each.
+
+        With both the eigenvalues of the lowest modes are those of the solid model for the two ratios `_RATIOS`.
+        Without loads the eigenvalues are proportional to r. The factor on r is then 1.
+        """
+        at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
+        squares = self._squares(at, np.zeros(1), _MODES)
+
+        def logs(log_factors: Array) -> Array:
+            """Return the logarithms of the planar eigenvalues at the two ratios, (3, 2), for three factors on r."""
+            ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
+            return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
+
+        of_solid = np.log(self._better[2])
+        log_factors = np.zeros(_MODES)
+        for _ in range(_CORRECTIONS):
+            growth = np.diff(logs(log_factors))[:, 0]
+            slope = (np.diff(logs(log_factors + _STEP))[:, 0] - growth) / _STEP
+            gap = np.diff(of_solid)[:, 0] - growth
+            log_factors = np.clip(log_factors + gap * slope / (slope**2 + _NO_SLOPE**2), -_LARGEST, _LARGEST)
+        return np.exp(log_factors), np.exp(of_solid - logs(log_factors))[:, 0]
 
     @property
     def solid_over_planar(self) -> Array:
@@ -286,13 +329,19 @@ class RingTable:
         return float(np.log(motion.frequencies_Hz(1)[0, 0] / beam.undamped_Hz(self.middle_Pa, 1)[0]))
 
     @cached_property
-    def _better(self) -> tuple[Array, float]:
+    def _better(self) -> tuple[Array, float, Array]:
+        """`solid_over_planar`, `planar_over_solid_modulus`, and the eigenvalues of the solid model, (3, 2) in 1/s².
+
+        The eigenvalues are those of three modes at the two ratios `_RATIOS`.
+        """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
         if beam.specimen.section != "solid":
-            finer, _ = beam.vibration(planar.refined()).about(beam.law, parameters, beam.loads)
-            return np.asarray(finer.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), 1.0
+            finer, _ = beam.vibration(planar.refined()).about(
+                beam.law, parameters, beam.loads, stiffenings=_STIFFENINGS
+            )
+            return finer.frequencies_Hz()[0] / plain.frequencies_Hz()[0], 1.0, _eigenvalues(finer)
         beside = SolidBeside(beam.specimen, *_SOLID)
         bent = beside.solve(
             beam.law, parameters, beam.loads, tolerance_mm=_SOLID_MM, options=SolidOptions(method="follow")
@@ -302,13 +351,14 @@ class RingTable:
                 f"the solid model of the beam has no equilibrium at a shear modulus of {self.middle_Pa:.3g} Pa"
             )
         chosen = candidates(beam.law, parameters, "solid", None, None)
-        better = beam.vibration(beside.solid).near(chosen, beam.loads, bent.last)
+        better = beam.vibration(beside.solid).near(chosen, beam.loads, bent.last, stiffenings=_STIFFENINGS)
         of_solid = float(beside.tip_angle_deg(bent)[0, 0])
         moduli = self.middle_Pa * np.array([1.0, 1.05])
         of_planar = planar.tip_angle_deg(planar.solve(beam.law, beam.parameters(moduli), beam.loads))[:, 0]
         change = float(of_planar[1] - of_planar[0])
         stiffer = np.log(1.05) * (of_solid - of_planar[0]) / change if abs(change) > _LEAST_TURN_DEG else 0.0
-        return np.asarray(better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]), float(np.exp(stiffer))
+        ratio = better.frequencies_Hz()[0] / plain.frequencies_Hz()[0]
+        return np.asarray(ratio), float(np.exp(stiffer)), _eigenvalues(better)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
         """Return the changes of ln(frequency) of three modes if uncertain inputs change by their uncertainties.
@@ -352,6 +402,13 @@ class RingTable:
             )
             effect[0] = np.log(changed.undamped_Hz(self.middle_Pa)) - before
         return effect
+
+
+def _eigenvalues(motion: ReducedMotion) -> Array:
+    """Return the eigenvalues of three modes of one candidate at the two ratios `_RATIOS`, (3, 2) in 1/s²."""
+    ratios = np.array(_RATIOS)
+    squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
+    return np.asarray(squares[0].T)
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:

@@ -24,6 +24,7 @@ from eimi_fitting.time.ringing import RingingBeam
 Array = NDArray[np.float64]
 
 _MODULI = 7
+_STRONGER = 1.05  # factor on the field, which tells the moments of the field from those of gravity
 _CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
 _RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
 _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
@@ -47,7 +48,8 @@ class LoadHistory:
 
         A curve gives the moment of the load as a function of the rotation of the tip (`loaded_creep.LoadCurve`). For
         each of seven shear moduli, the rotation under the load is computed. The moment at this rotation is the product
-        of modulus and rotation.
+        of modulus and rotation. The same in a stronger field gives the part of the
+        moment that the field causes.
 
         Parameters
         ----------
@@ -61,17 +63,24 @@ class LoadHistory:
             The K times (s) at which the loads begin.
         """
         model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
-        shapes = model.solve(beam.law, beam.parameters(moduli), loads)
+        # In a stronger field, a beam that is stiffer by the same factor turns by nearly the same rotation.
+        factors = np.repeat([1.0, _STRONGER], _MODULI if loads.field_T.any() else [_MODULI, 0])
+        moduli = factors * np.resize(moduli, len(factors))
+        shapes = model.solve(beam.law, beam.parameters(moduli), loads, field_factor=factors)
         rotation = np.radians(model.tip_angle_deg(shapes))
         largest = np.abs(rotation).max()
         gravity = _stiffness_of_gravity(beam, middle_Pa)
         curves = []
         for k in range(len(loads)):
             theta, sound = rotation[:, k], shapes.status[:, k] == 0
-            if sound.sum() < 2 or np.ptp(theta[sound]) < 1e-3 * max(largest, 1e-6):
+            nominal, stronger = (np.flatnonzero(sound & (factors == one)) for one in (1.0, _STRONGER))
+            if len(nominal) < 2 or np.ptp(theta[nominal]) < 1e-3 * max(largest, 1e-6):
                 curves.append(LoadCurve.of_gravity(gravity))
                 continue
-            curves.append(LoadCurve.through(theta[sound], (moduli * theta)[sound]))
+            moment = moduli * theta
+            has_field = bool(loads.field_T[k].any())
+            pairs = [(theta[rows], moment[rows]) for rows in (nominal, stronger if has_field else nominal)]
+            curves.append(LoadCurve.through(pairs[0], pairs[1], _STRONGER))
         return LoadHistory(tuple(LoadStep(float(t), curve) for t, curve in zip(begins_s, curves, strict=True)))
 
 
@@ -137,6 +146,9 @@ class CreepEvidence:
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
+        # The error changes slowly: all times within a decade have the same error.
+        decades = max(1.0, float(np.log10(self.time_s[-1] / self.time_s[0])))
+        error *= np.sqrt(max(1.0, len(self.time_s) / decades))
         sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
         weight = 1 / sigma**2
         return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)

@@ -13,6 +13,7 @@ import pytest
 
 from eimi_fitting import LAWS, Loads, Magnet, Specimen
 from eimi_fitting.laws.prony import Prony
+from eimi_fitting.time.loaded_creep import CreepHistories
 from eimi_fitting.time.ringing import RingingBeam
 from eimi_fitting.time.slow_evidence import LoadHistory, StaticEvidence
 
@@ -61,3 +62,15 @@ def test_the_uncertain_width_has_the_same_effect_on_one_run_and_on_two_equal_run
     one, two = (static(beam, *dwells_s).effects({"width": 0.02})["width"] for dwells_s in ((5.0,), (5.0, 5.0)))
     assert two == pytest.approx(one, rel=1e-9)
     assert abs(one).max() > 1.0
+
+
+@pytest.mark.parametrize("stronger", [0.97, 1.05])
+def test_a_factor_on_the_magnetic_loads_leaves_gravity_unchanged(beam: RingingBeam, stronger: float) -> None:
+    seen_s, begins_s = np.array([3.0, 30.0, 43.0, 70.0]), [0.0, 40.0]
+    histories = [
+        LoadHistory.of(beam, AT_REST_PA, Loads.along([factor * 5.0, 0.0]), begins_s).steps for factor in (1.0, stronger)
+    ]
+    nominal, expected = (CreepHistories([(steps, seen_s)]) for steps in histories)
+    (found,) = nominal.rotations(INSTANTANEOUS_PA, SERIES, np.array([stronger]))
+    (of_stronger,) = expected.rotations(INSTANTANEOUS_PA, SERIES, np.ones(1))
+    assert found == pytest.approx(of_stronger, rel=5e-4)

@@ -57,7 +57,7 @@ def test_creep_of_the_tip_follows_the_internal_variables_of_the_finite_elements(
     moduli = INSTANTANEOUS_PA * np.geomspace(0.6, 1.1, 7)
     static = model.solve(NEO, moduli[:, None], field)
     theta = np.radians(model.tip_angle_deg(static))[::-1, 0]
-    curve = LoadCurve(theta, moduli[::-1] * theta)
+    curve = LoadCurve(theta, moduli[::-1] * theta, 0 * theta)
     of_beam = creep(
         np.array([INSTANTANEOUS_PA]),
         Prony(SERIES.g[None], SERIES.tau_s[None]),
