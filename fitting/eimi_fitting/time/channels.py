@@ -173,9 +173,16 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()
-    for column in range(values.shape[1]):  # the first values in a gap lie on the straight line between its ends
+    whole = ~missing.any(axis=0)
+    base = np.ones((len(values), 1))
+    if whole.any():  # the first values in a gap follow from the channels without gaps
+        u, size, _ = np.linalg.svd(values[:, whole] - values[:, whole].mean(axis=0), full_matrices=False)
+        base = np.hstack([base, (u * size)[:, : min(4, int(whole.sum()))]])
+    for column in np.flatnonzero(~whole):
         gap = missing[:, column]
-        if gap.any():
+        if whole.any() and (~gap).sum() > 3 * base.shape[1]:
+            start[gap, column] = base[gap] @ np.linalg.lstsq(base[~gap], values[~gap, column], rcond=None)[0]
+        else:  # or they lie on the straight line between its ends
             start[gap, column] = np.interp(time[gap], time[~gap], values[~gap, column])
     if len(values) < 3 * values.shape[1] and not missing.any():
         return start, missing

@@ -32,6 +32,8 @@ _SAME_MODE = 0.12  # relative difference within which a measured frequency belon
 _MODULI = 7
 _LEAST_SAG = 0.02  # share of the length; a smaller sag is not used
 _REST_SHAPE = 0.005  # share of the length by which a beam that is stated as straight at rest may be bent or turned
+_BENT_BEAM = 0.1  # share of the length by which such a beam may be bent before its sag contradicts its vibration
+_SOFTER_AT_REST = 4.0  # largest ratio of the modulus in a vibration to the modulus at rest
 _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and the places of the points
 
 
@@ -174,6 +176,70 @@ class RingEvidence:
 
 
 @dataclass(frozen=True)
+class Sag:
+    """The sag of a beam at rest under its weight, compared with the sag that its vibration predicts.
+
+    Attributes
+    ----------
+    computed_mm : float
+        Largest computed sag with the modulus of the vibration, mm.
+    measured : float
+        The measured sag, divided by the computed sag.
+    moduli_Pa, ratios : ndarray, shape (m,)
+        Shear moduli, and the computed sag with each of them, divided by ``computed_mm``.
+    """
+
+    computed_mm: float
+    measured: float
+    moduli_Pa: Array
+    ratios: Array
+
+    @staticmethod
+    def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
+        """Return the sag in a recorded ring-down (a free vibration).
+
+        None if too few points were seen, or if the beam does not bend under its weight.
+        """
+        late = (motion.time_s >= decay.from_s) & motion.seen
+        count = late.sum(axis=0)
+        points = count > 0.3 * late.shape[0]
+        if not points.any():
+            return None
+        places = np.where(late[..., None], motion.points_mm, 0.0).sum(axis=0)[points] / count[points, None]
+        moved = (places - motion.rest_mm[points])[:, 1]
+        beam, model = table.beam, table.beam.planar()
+        moduli = table.middle_Pa * np.geomspace(0.3, 3.0, 2 * _MODULI)
+        shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
+        sound = shapes.status[:, 0] == 0
+        half = 0.5 * model.grid.strip.straight.width_mm
+        rest = np.clip(motion.rest_mm[points], [0.0, -half], [beam.specimen.length_mm, half])
+        sag = (model.positions(shapes, rest)[:, 0] - rest)[sound, :, 1]
+        if not len(sag):
+            return None
+        middle = sag[np.argmin(np.abs(moduli[sound] - table.middle_Pa))]
+        size = float(middle @ middle)
+        if not size:
+            return None
+        return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
+
+    def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
+        """Return a doubt (a warning) if the measured and the computed sag differ too much for a beam of ``length_mm``.
+
+        The modulus at rest is smaller than that of the vibration, at most by a factor of a few, and a beam that is
+        stated as straight may be a little bent.
+        """
+        bent = _BENT_BEAM * length_mm / self.computed_mm
+        if 1 - bent < self.measured < _SOFTER_AT_REST + bent:
+            return ()
+        return (
+            f"{decay.label}: at rest the beam sags by {self.measured * self.computed_mm:.2g} mm, but a beam that "
+            f"vibrates at {decay.modes[0].frequency_Hz:.3g} Hz would sag by {self.computed_mm:.2g} mm or a little "
+            "more: check the frame rate (is it slow motion?), the dimensions, the direction of gravity, and whether "
+            "the beam is straight without a load",
+        )
+
+
+@dataclass(frozen=True)
 class RestEvidence:
     """The shear modulus for which the computed sag of the beam at rest equals the measured sag.
 
@@ -192,40 +258,24 @@ class RestEvidence:
     sigma: float
 
     @staticmethod
-    def of(table: RingTable, motion: Motion, decay: Decay) -> RestEvidence | None:
-        """Return the evidence from the sag of the beam in a recorded ring-down (a free vibration), or None.
+    def of(sag: Sag, table: RingTable) -> RestEvidence | None:
+        """Return the evidence from the sag of the beam at rest (a modulus), or None.
 
         The beam vibrates about its sagging equilibrium, so that the mean position of its points gives the sag. The
-        modulus is the one for which the computed beam has this sag. The result is None if no point is visible often
-        enough, if the beam hardly bends under its own weight, or if no modulus from 0.3 to 3 times the middle modulus
-        of ``table`` gives the sag.
+        modulus is the one for which the computed beam has this sag. The result is None if the beam hardly bends
+        under its own weight, or if no modulus from 0.3 to 3 times the middle modulus of ``table`` gives the sag.
         """
-        late = (motion.time_s >= decay.from_s) & motion.seen
-        count = late.sum(axis=0)
-        points = count > 0.3 * late.shape[0]
-        if not points.any():
+        if sag.computed_mm < _LEAST_SAG * table.beam.specimen.length_mm:
             return None
-        places = np.where(late[..., None], motion.points_mm, 0.0).sum(axis=0)[points] / count[points, None]
-        moved = (places - motion.rest_mm[points])[:, 1]
-        beam, model = table.beam, table.beam.planar()
-        moduli = table.middle_Pa * np.geomspace(0.3, 3.0, 2 * _MODULI)
-        shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
-        sound = shapes.status[:, 0] == 0
-        half = 0.5 * model.grid.strip.straight.width_mm
-        rest = np.clip(motion.rest_mm[points], [0.0, -half], [beam.specimen.length_mm, half])
-        sag = (model.positions(shapes, rest)[:, 0] - rest)[sound, :, 1]
-        middle = sag[np.argmin(np.abs(moduli[sound] - table.middle_Pa))]
-        if np.abs(middle).max() < _LEAST_SAG * beam.specimen.length_mm:
-            return None
-        along = sag @ middle / (middle @ middle)
-        measured = float(moved @ middle / (middle @ middle))
+        along = sag.ratios
         order = np.argsort(along)
-        if not along[order[0]] < measured < along[order[-1]]:
+        if not along[order[0]] < sag.measured < along[order[-1]]:
             return None
-        log_modulus = np.interp(measured, along[order], np.log(moduli[sound])[order])
-        slope = np.abs(np.gradient(np.log(moduli[sound])[order], along[order]))
-        at = float(np.interp(measured, along[order], slope))
-        straight = _REST_SHAPE * beam.specimen.length_mm / np.abs(middle).max()
+        logs = np.log(sag.moduli_Pa)[order]
+        log_modulus = np.interp(sag.measured, along[order], logs)
+        slope = np.abs(np.gradient(logs, along[order]))
+        at = float(np.interp(sag.measured, along[order], slope))
+        straight = _REST_SHAPE * table.beam.specimen.length_mm / sag.computed_mm
         modulus = float(np.exp(log_modulus)) / table.planar_over_solid_modulus
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
@@ -240,7 +290,9 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return ring-downs (free vibrations) with their numbers of repeats, and with uncertainties that agree with scatter.
+    """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
+
+    Each also gets the number of its repeats.
 
     Ring-downs under the same loads should have the same frequency and loss factor. If they differ by more than their
     uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).

@@ -16,7 +16,7 @@ from eimi_fitting.laws.law import Law
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import TooFewFrames, signals_of
 from eimi_fitting.time.decay import Decay, NoVibration, decay_of
-from eimi_fitting.time.evidence import Evidence, RestEvidence, RingEvidence, with_scatter
+from eimi_fitting.time.evidence import Evidence, RestEvidence, RingEvidence, Sag, with_scatter
 from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.law_of_time import (
     EXACT_LOAD,
@@ -191,7 +191,10 @@ def identify_time(
     evidence: list[Evidence] = [*rings]
     if creeps or of_states:
         evidence.append(SlowEvidence(creeps, of_states))
-    evidence += [rest for table in tables if (rest := _at_rest(ringing, table, rings)) is not None]
+    for table in tables:
+        rest, of_sag = _at_rest(ringing, table, rings)
+        evidence += [rest] if rest else []
+        doubts += of_sag
     has_loads = bool(specimen.magnet and (of_states or creeps))
     load_sigmas = relative_load_sigmas(stated, specimen) if has_loads else {}
     load_sigma = (
@@ -344,16 +347,18 @@ def _creeps(
 
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
-) -> RestEvidence | None:
+) -> tuple[RestEvidence | None, tuple[str, ...]]:
     """Return the evidence from the sag of the beam at rest (a shear modulus), or None if there is no such evidence.
 
     The sag is measured in the first ring-down (free vibration) that does not begin with a step of the load and has the
-    loads of ``table``.
+    loads of ``table``. The second value contains a doubt (a warning) if the sag contradicts the vibration.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
-            return RestEvidence.of(table, recorded.motion, ring.decay)
-    return None
+            sag = Sag.of(table, recorded.motion, ring.decay)
+            of_sag = sag.doubts(ring.decay, table.beam.specimen.length_mm) if sag else ()
+            return RestEvidence.of(sag, table) if sag else None, of_sag
+    return None, ()
 
 
 def _stacked(parts: Sequence[Loads]) -> Loads:

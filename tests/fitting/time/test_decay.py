@@ -76,6 +76,15 @@ def test_frequency_and_loss_are_found_within_their_uncertainty(change: dict[str,
     assert sigma[1] < 0.02 * result.loss
 
 
+def test_points_that_are_hidden_for_several_periods_do_not_change_the_loss() -> None:
+    motion = recorded()
+    places = motion.points_mm.copy()
+    places[20:60, 9], places[30:90, 8], places[100:160, 5] = np.nan, np.nan, np.nan
+    result = decay(replace(motion, points_mm=places))
+    assert result.modes[0].loss == pytest.approx(decay(motion).modes[0].loss, rel=1e-2)
+    assert not result.doubts
+
+
 def test_amplitudes_above_five_per_cent_of_the_length_are_left_out_and_reported() -> None:
     result = decay(recorded(amplitude_mm=9.0))
     assert result.amplitude_mm < 0.055 * LENGTH_MM

@@ -17,7 +17,7 @@ from eimi_fitting.beam.vibration import Vibration
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.channels import signals_of
 from eimi_fitting.time.decay import Decay, RingMode, decay_of
-from eimi_fitting.time.evidence import RingEvidence
+from eimi_fitting.time.evidence import RingEvidence, Sag, with_scatter
 from eimi_fitting.time.exposure import without_blur
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.ringing import RingingBeam, RingTable
@@ -123,6 +123,40 @@ def swing(frequency_Hz: float) -> Decay:
     points = np.stack([np.full(time.shape, 30.0), np.exp(-time) * np.cos(2 * np.pi * frequency_Hz * time)], axis=-1)
     motion = Motion("ring_down", points, np.array([[30.0, 0.0]]), time, np.full(time.shape, 0.01))
     return decay_of(signals_of(motion), "swing", 30.0, is_stepped=False)
+
+
+@pytest.mark.parametrize(
+    ("modulus_Pa", "rate", "is_doubted"),
+    [(277e3, 1.0, False), (100e3, 1.0, False), (150e3, 0.5, True), (277e3, 0.25, True), (100e3, 6.0, True)],
+)
+def test_the_sag_of_a_level_strip_shows_a_wrong_frame_rate(modulus_Pa: float, rate: float, is_doubted: bool) -> None:
+    strip = Specimen(41.0, 5.9, 10.0, 1050.0, section="plane-stress")
+    level = Loads.along([0.0], gravity_angle_deg=-90.0)
+    beam = RingingBeam(strip, level, LAWS["neo-hookean"], np.ones(1))
+    true_Hz, model = float(beam.undamped_Hz(modulus_Pa)[0]), beam.planar()
+    sagged = model.solve(beam.law, beam.parameters(np.array([0.8 * modulus_Pa])), level)
+    rest_mm = np.array([[20.0, 0.0], [40.0, 0.0]])
+    decay = swing(rate * true_Hz)
+    places = np.repeat(model.positions(sagged, rest_mm)[0], 400, axis=0)
+    time = np.repeat(np.arange(400)[:, None] / 100.0, 2, axis=1)
+    motion = Motion("ring_down", places, rest_mm, time, np.full(time.shape, 0.01))
+    of_table = RingTable(beam, beam.modulus_at(rate * true_Hz))
+    sag = Sag.of(of_table, motion, decay)
+    assert sag is not None
+    doubts = sag.doubts(decay, strip.length_mm)
+    assert bool(doubts) == is_doubted
+    assert all("check the frame rate (is it slow motion?)" in words for words in doubts)
+
+
+def test_repeated_ring_downs_share_the_error_of_the_frequencies_that_are_computed() -> None:
+    of_table, elastic = table(0.0), Prony(np.zeros((1, 1)), np.ones((1, 1)))
+    mode = RingMode(5.0, 0.1, np.diag([1e-14, 1e-14]))
+    one = RingEvidence(of_table, swing(5.0), ((0, mode),))
+    (single,) = with_scatter([one])
+    several = with_scatter([one] * 4)
+    rows = [ring.residuals(np.array([48e3]), elastic, np.zeros(1)) for ring in (single, *several)]
+    assert [ring.repeats for ring in several] == [4] * 4
+    assert sum((row**2).sum() for row in rows[1:]) == pytest.approx((rows[0] ** 2).sum(), rel=1e-4)
 
 
 def test_with_a_hanging_weight_only_the_lowest_vibration_is_used() -> None:
