@@ -49,7 +49,11 @@ class MotionOptions(PictureOptions):
     ] = None
     hanging: Annotated[
         float | None,
-        typer.Option(metavar="N", help="for a motion: weight that hangs at the tip during the motion, in newtons"),
+        typer.Option(
+            metavar="N",
+            help="for a motion: weight that hangs at the tip during the motion, in newtons; for creep without "
+            "--removed, it was hung on the beam at the release",
+        ),
     ] = None
     removed: Annotated[
         float | None,

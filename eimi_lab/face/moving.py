@@ -88,7 +88,8 @@ def import_motion(
         Time in the recording at which the beam was released or its load changed, s. By default, the program finds the
         release of each flick.
     hanging, removed : float
-        Weight that hangs at the tip during the motion, and weight that was taken from the tip at the release, N.
+        Weight that hangs at the tip during the motion, and weight that was taken from the tip at the release, N. For
+        creep without ``removed``, the weight ``hanging`` was hung on the beam at the release.
     exposure : float
         Exposure time of a frame, s.
     row_time : float

@@ -112,6 +112,8 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
     """Return a motion of a dataset (a ring-down or creep) with the loads before and during the motion."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
+    if motion.kind == "creep" and motion.hanging_N and not motion.tip_force_N:  # the weight was hung on the beam
+        return RecordedMotion(motion, loads, ((-_LONG_S, _loads(dataset, motion.from_A, 0.0)),))
     if motion.tip_force_N:
         before = ((-_LONG_S, _loads(dataset, motion.from_A, motion.hanging_N + motion.tip_force_N)),)
         return RecordedMotion(motion, loads, before)

@@ -151,8 +151,8 @@ class Rod:
 
     The shape of the rod is described by n coordinates. The first ones are coefficients of Legendre polynomials whose
     sum, along the rod, is the curvature times the length. With a magnet, the angle of the hinge follows. Then come
-    coefficients of Legendre polynomials whose sum is the strain, and last the shear. The mass of the rod is concentrated
-    at p points: the Gauss points and the rigid part at the tip.
+    coefficients of Legendre polynomials whose sum is the strain, and last the shear. The mass of the rod is
+    concentrated at p points: the Gauss points and the rigid part at the tip.
     """
 
     def __init__(self, specimen: Specimen, stiffness: Stiffness) -> None:

@@ -15,6 +15,7 @@ from eimi_fitting.time.measured import Motion
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.face import moving
+from eimi_lab.fits.recorded_motions import load_motions
 from eimi_lab.process.errors import InputError
 
 Run = Callable[..., tuple[int, str]]
@@ -269,3 +270,30 @@ def test_every_option_of_a_motion_reaches_the_function_that_uses_it(
         assert (written[-3], written[-2]) == (None, not no_gravity)
     with pytest.raises(InputError, match="rate = 0 should be greater than 0"):
         moving.import_motion("film.mp4", "type1", tmp_path / "other.h5", rate=0.0)
+
+
+def creeping(frames: int = 120) -> np.ndarray:
+    """Return the coordinates of two points in each frame, (frames, 2, 2) in mm, which sink after `HELD` frames."""
+    time = (np.arange(frames) - HELD) / RATE_HZ
+    sunk = np.where(time >= 0, 1.0 + 0.2 * np.log1p(np.maximum(time, 0) / 0.01), 0.0)
+    places = np.repeat(REST_MM[None], frames, axis=0)
+    places[..., 1] -= sunk[:, None] * cantilever_modes(REST_MM[:, 0] / 10.0)[:, 0]
+    return places
+
+
+@pytest.mark.parametrize(
+    ("options", "before_N", "is_told"),
+    [((), None, True), (("--hanging", "0.3"), 0.0, False), (("--hanging", "0.1", "--removed", "0.2"), 0.3, False)],
+)
+def test_creep_begins_with_the_weight_that_is_hung_on_the_beam_or_taken_from_it(
+    run: Run, files: Path, options: tuple[str, ...], before_N: float | None, is_told: bool
+) -> None:
+    code, message = imported(run, files, write_table(files / "creep.csv", creeping()), "--creep", *options)
+    assert code == 0, message
+    assert ("only after a known change of the load" in message) == is_told
+    assert "the release is assumed at 0.19 s" in message
+    (recorded,) = load_motions(files / "out.h5").motions
+    assert recorded.is_stepped == (before_N is not None)
+    if before_N is not None:
+        ((_, before),) = recorded.before
+        np.testing.assert_allclose(np.linalg.norm(before.tip_force_N), before_N, atol=1e-12)

@@ -41,6 +41,11 @@ def free_motions(
     InputError
         If the times do not increase from frame to frame, if no point was seen, or if there are too few frames.
     """
+    if facts.kind == "creep" and not (facts.hanging_N or facts.removed_N):
+        tell(
+            f"note: {origin}: a fit uses creep only after a known change of the load; give the weight that was hung on "
+            "the beam with --hanging, or the weight that was taken from it with --removed"
+        )
     frame_s, released_s = time_s.min(axis=1), facts.released_s
     alone = facts.kind != "ring_down" or len(frame_s) < FEWEST_FRAMES or not (np.diff(frame_s) > 0).all()
     parts = [(0, len(frame_s))] if alone else parts_of(frame_s, points_mm)

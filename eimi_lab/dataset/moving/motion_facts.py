@@ -21,7 +21,8 @@ class MotionFacts:
     released_s : float, optional
         Time in the recording, in s, at which the beam was released, or at which the load of the beam changed.
     hanging_N : float
-        Weight that hangs at the tip during the motion, N.
+        Weight that hangs at the tip during the motion, N. For creep without ``removed_N``, this weight was hung on the
+        beam at the release.
     removed_N : float
         Weight that was taken from the tip at the release, N.
     exposure_s : float, optional
