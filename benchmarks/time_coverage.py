@@ -15,8 +15,9 @@ Six simplifications make hundreds of draws affordable. The option --whole leaves
   computes the whole motion in time.
 - The stiffness of the rod is computed by a solid model for the nominal dimensions and with each dimension changed by
   1 %. The stiffness for other dimensions follows linearly in the logarithms.
-- The tables of frequencies and the curves of the loads are computed at a few moduli, `TABLE_STEP` apart in the
-  logarithm, and used for all draws whose modulus is nearest to them. A fit computes them at its own modulus.
+- A fit tabulates the frequencies of the beam and its deflection under the loads as functions of the modulus, around
+  its own modulus. Here these tables are computed around a few moduli, `TABLE_STEP` apart in the logarithm, and each
+  draw uses the tables of the nearest modulus.
 - The recordings are reduced: frequency and loss of the vibration are those of the rod, with noise, and the positions
   show the creep alone.
 - Only two terms are fitted. There is no global search; the least-squares fit starts at the hidden law.
@@ -24,7 +25,7 @@ Six simplifications make hundreds of draws affordable. The option --whole leaves
   computes the intervals from noise alone.
 
 Each draw is written to the file as one line of JSON as soon as it is done, with its seed. Draws in the file are not
-repeated. Tables of frequencies and curves of loads are kept in a second file, FILE.tables. --table prints the table of
+repeated. The tables of frequencies and deflections are kept in a second file, FILE.tables. --table prints the table of
 the draws in the file, without further draws.
 
 The table shows the modulus at the times 0.032, 1 and 32 s. These are the times of the fit nearest to 0.03, 1 and 30 s.

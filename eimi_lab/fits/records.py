@@ -68,8 +68,8 @@ class StateError(Record):
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
         """Return the record of each of the K used states of a dataset.
 
-        `error_mm` and `deviation_mm`, shape (K,), are the error and the deviation in each state in mm. `dataset` is
-        the index of the dataset in the fit.
+        `error_mm`, shape (K,), is the root mean square distance of measured from simulated points in each state, and
+        `deviation_mm` is the standard deviation of these distances. `dataset` is the index of the dataset in the fit.
         """
         return tuple(
             StateError(

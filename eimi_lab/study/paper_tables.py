@@ -164,8 +164,9 @@ class Advantage:
     def ratios(self) -> tuple[float, float]:
         """Return how many times larger the errors are after a fit to tension than after a fit to bending.
 
-        The two values are the lowest and the highest ratio: the smallest error of the laws fitted to tension, divided
-        by the largest and by the smallest error of the laws fitted to bending.
+        Of the laws fitted to tension, the one with the smallest error is compared. Its error is divided by the largest
+        error of the laws fitted to bending, which gives the first value, and by their smallest error, which gives the
+        second, larger value.
         """
         return self.tension_um / self.bending_um[1], self.tension_um / self.bending_um[0]
 

@@ -28,7 +28,9 @@ def used_share(sheet: Path) -> float:
 @pytest.mark.skipif(
     not any(map(shutil.which, report_pictures.BROWSERS)), reason="needs a browser: install Debian's chromium"
 )
-def test_every_printed_page_but_the_last_is_used_to_more_than_60_per_cent(done: Done, folder: Path, tmp_path: Path) -> None:
+def test_every_printed_page_but_the_last_is_used_to_more_than_60_per_cent(
+    done: Done, folder: Path, tmp_path: Path
+) -> None:
     laws = [word for law in ("neo-hookean", "mooney-rivlin", "yeoh") for word in ("--model", law)]
     done("fit", "train.h5", *laws, "-o", "three.json", folder=folder)
     done("report", "train.h5", "unseen.h5", "--fit", "three.json", "-o", "printed.html", folder=folder)

@@ -631,7 +631,7 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """The deviance of which the ends of intervals are computed (a function), and the linearised residuals behind it.
+    """A function for the deviance, from which the ends of intervals are computed, and its linearised residuals.
 
     The deviance is twice the decrease of the log-likelihood from its maximum. The residuals are linear in two unknowns.
     There is a prior on the law, and a weak prior in place of the bounds of the search. A candidate (values of the

@@ -121,8 +121,8 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 
 @dataclasses.dataclass
-class Reached(Exception):
-    """The arguments with which a command called a function that a test has replaced."""
+class Reached:
+    """The arguments of a call by a command. A test has replaced the called function by one that keeps them."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]

@@ -250,7 +250,7 @@ Mine.{member} = _fail_after(Mine.{member})
 
 
 def spoil(outside: Path, driver: str, member: str) -> None:
-    """Remove the method `member` from a driver of `mine_lab`."""
+    """Remove the method `member` from a driver in `mine_lab`, the package of drivers that a user has written."""
     path = outside / "mine_lab.py"
     head, _, body = path.read_text().partition(f"class {driver}:")
     assert f"def {member}(" in body

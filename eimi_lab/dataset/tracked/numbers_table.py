@@ -45,7 +45,7 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
         rows = csv.reader(lines, delimiter=separator)
         cells = [(rows.line_num, [cell.strip() for cell in row]) for row in rows]
     except csv.Error as error:
-        raise InputError(f"{path}: is not a table of text ({error})") from error
+        raise InputError(f"{path}: is not a text file with a table ({error})") from error
     filled = [(number, row) for number, row in cells if any(row)]
     if not filled:
         raise InputError(f"{path}: is empty")

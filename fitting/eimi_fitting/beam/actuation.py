@@ -211,7 +211,8 @@ class LoadedMesh:
         Parameters
         ----------
         force : ndarray, shape (2,)
-            Force in N on the mesh: the force on the specimen multiplied by ``share``.
+            Force in N on the mesh. A mesh that contains only a part of the specimen, such as half of its depth, carries
+            this part (``share``) of the force on the specimen.
         point_mm : ndarray, shape (2,)
             Position (x, y) at rest of the material point on which the force acts.
         total : SolidLoads

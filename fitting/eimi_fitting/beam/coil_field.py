@@ -199,9 +199,11 @@ class CoilShape:
     def _curved(self, from_rest_mm: Array) -> Complex:
         """Return what the curvature of the field adds to the field ratio q and to its derivatives, at B points, (6, B).
 
-        Let s be the coordinate along the axis of the coil and t the coordinate across it, measured from the position of
-        the magnet at rest. The curvature c (``curvature_per_m2``) adds c (s^2 - t^2 / 2) to the component along the
-        axis and -c s t to the component across it. The rows of the result are in the order of `FieldTable.derivatives`.
+        q is the field at a point divided by the field at the position of the magnet at rest. It is a complex number: q
+        = 1 at this position, and the argument of q is the angle between the two fields. Let s be the coordinate along
+        the axis of the coil and t the coordinate across it, measured from the position of the magnet at rest. The
+        curvature c (``curvature_per_m2``) adds c (s^2 - t^2 / 2) to the component along the axis and -c s t to the
+        component across it. The rows of the result are in the order of `FieldTable.derivatives`.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])

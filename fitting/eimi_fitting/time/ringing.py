@@ -405,7 +405,10 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the eigenvalues of three modes of one candidate at the two ratios `_RATIOS`, (3, 2) in 1/s²."""
+    """Return the eigenvalues (squared angular frequencies) of three modes of one candidate, (3, 2) in 1/s².
+
+    The columns belong to two moduli in the vibration: the static modulus times each of the numbers `_RATIOS`.
+    """
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
     return np.asarray(squares[0].T)

@@ -337,8 +337,8 @@ class Weighing:
 
         The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
         Two errors are counted. One is the error that remains after the corrections by better beam models. The other is
-        1 per cent of each change of the residuals under the most probable hypothesis. ``moves``, shape (C, N) in mm,
-        has these C changes, as changes of the coefficients.
+        an error of 1 per cent in the computed effects of the C most probable causes (errors of the bench). Row c of
+        ``moves``, shape (C, N) in mm, has the changes of the coefficients that cause c makes.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))

@@ -162,7 +162,10 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of P candidate laws with the measurements of all experiments.
+    """Comparison of P candidates with the measurements of all experiments.
+
+    A candidate is a set of parameters of the law, and of values for the uncertain inputs that are fitted together with
+    the law, such as the width of the specimen or the field.
 
     Parameters
     ----------
@@ -173,13 +176,13 @@ class Comparison:
     max_stretch : ndarray, shape (P,)
         Largest stretch in the beam over all states, for each candidate.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if the candidates have different specimens or different
-        loads, because their meshes may then differ too.
+        Simulated shapes of the beam in each experiment. Empty if the candidates differ in the specimen or in the loads,
+        because their meshes may then differ too.
     misfits : tuple of Misfit
         Residuals (distances of measured from simulated points) of the candidates in each experiment.
     near : tuple of Shapes
-        Shapes from which the solver can start for similar candidates, in each experiment. They belong to the first
-        candidate, and to all candidates that have the specimen and the loads of the first.
+        Shapes from which the solver can start later, for similar candidates, in each experiment. They are the shapes of
+        the first candidate and of those other candidates that have the same specimen and the same loads.
     """
 
     unconverged: NDArray[np.bool_]
@@ -196,7 +199,7 @@ class Comparison:
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation in mm, (P, K), of the distances whose root mean square is ``error_mm``."""
+        """Standard deviation of the distances of measured from simulated points in mm, (P, K), as in ``error_mm``."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property

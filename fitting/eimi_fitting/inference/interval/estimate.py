@@ -1,7 +1,7 @@
 """Compute the 95 % intervals of the unknowns of a fit, and name the combinations of unknowns that the data determine.
 
-- The covariance of the optimum is computed from the linearised evidence (`inference.interval.covariance`). The noise
-  level is computed from the residuals.
+- The covariance of the optimum is computed from residuals that are linear in the unknowns near the optimum
+  (`inference.interval.covariance`). The noise level is computed from the residuals.
 - If the objective is not quadratic, the profile likelihood gives the ends (`inference.interval.profile_likelihood`).
 - The remaining error of the beam model widens the intervals (`inference.evidence.corrections`).
 - The uncertainties of specimen, calibration and rig also widen the intervals (`inference.interval.considered`). Inputs
