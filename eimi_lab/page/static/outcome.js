@@ -3,7 +3,7 @@ import { ask, byId, tell } from "./dom.js";
 import { on, state } from "./live.js";
 import { openRun } from "./runs.js";
 
-let shown = "";
+let shown = "", answered = null; // answered: number of the run whose fits and report the page knows
 
 export function showOutcome(run) {
   const ended = run !== null && run.phase === "ended";
@@ -16,11 +16,15 @@ export function showOutcome(run) {
   byId("outcome-title").textContent = stopped ? "The run was stopped" : incomplete ? "The run did not complete" : "The run is complete";
   byId("outcome-words").textContent = incomplete && run.last_words ? run.last_words : stored;
   byId("outcome-stored").textContent = incomplete && run.last_words && !run.last_words.includes(" states are in ") ? stored : "";
-  byId("fit-this").hidden = !run.stored;
+  byId("fit-this").hidden = !run.stored || answered !== run.number; // before, a click would not start a fit
   const stage = `${run.number} ${state.fit?.number} ${state.fit?.phase}`;
   if (run.stored && stage !== shown) {
     shown = stage;
-    showReport(run).catch((error) => tell(error.message, true));
+    showReport(run).catch((error) => tell(error.message, true)).finally(() => {
+      if (state.run?.number !== run.number) return;
+      answered = run.number;
+      byId("fit-this").hidden = false;
+    });
   }
 }
 

@@ -33,9 +33,17 @@ def test_a_run_is_started_paused_stopped_and_fitted_with_the_keyboard_on_the_scr
     assert emulated_bench.is_off()
     press(page, "Resume")
     page.get_by_text("COIL ON").wait_for()
+    held: list[Any] = []
+    page.route(re.compile(r"/api/fit\?"), lambda route: held.append(route))  # the question whether the run has a fit
     page.keyboard.press("Escape")
     page.get_by_text("the coil is off, confirmed after").wait_for()
     page.get_by_text("The run was stopped").wait_for()
+    while not held:
+        page.wait_for_timeout(20)
+    assert not page.get_by_role("button", name="Fit this").is_visible()  # it would open the run without a fit
+    page.unroute(re.compile(r"/api/fit\?"))
+    for route in held:
+        route.continue_()
     with page.expect_request("**/api/fit/start") as request:
         press(page, "Fit this")
     assert request.value.post_data_json["dataset"] == "run.h5"
