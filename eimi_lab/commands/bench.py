@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -307,6 +308,9 @@ def acquire(
         raise InputError("-v: is only for --dry-run; to record the messages of a run, give --transcript FILE")
     if output is None:
         raise InputError("-o FILE.h5 is missing; give the dataset to write (not needed with --dry-run)")
+    if watched_by is not None:
+        # STOP of the live page sends this signal. A shell that starts the page in the background has it ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     stored = run_protocol(
         chosen,
         beam,

@@ -25,6 +25,7 @@ from eimi_lab.acquisition.events import (
 )
 from eimi_lab.acquisition.guardian import StoodStill
 from eimi_lab.acquisition.switching_off import _InHaste, _SignalsHeeded, ramp_down_and_switch_off, switching_off
+from eimi_lab.process.errors import InputError
 from eimi_lab.process.stopping import Stopped
 
 OFF = Off(0.004, 0.02)
@@ -297,3 +298,34 @@ def test_handlers_are_restored_and_ignored_signals_stay_ignored(bench: Bench) ->
     thread.start()
     thread.join()
     assert installed == [before[signal.SIGINT]]
+
+
+@pytest.mark.parametrize("by_page", [True, False])
+def test_a_run_of_the_page_obeys_ctrl_c_although_the_page_ignores_it(
+    monkeypatch: pytest.MonkeyPatch, run: Callable[..., tuple[int, str]], tmp_path: Any, by_page: bool
+) -> None:
+    """STOP sends this signal, and a page that a shell starts in the background ignores it. Other runs keep ignoring."""
+    handlers: list[Any] = []
+
+    def run_protocol(*given: Any, **named: Any) -> None:
+        handlers.append(signal.getsignal(signal.SIGINT))
+        raise InputError("the test ends the command here")
+
+    monkeypatch.setattr("eimi_lab.face.acquiring.run_protocol", run_protocol)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        watched = ["--watched-by", "3,4,5"] if by_page else []
+        run(
+            "acquire",
+            "dragon_skin_10_quick",
+            "--specimen",
+            "type1",
+            "--rig",
+            "virtual",
+            "-o",
+            tmp_path / "run.h5",
+            *watched,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert handlers == [signal.default_int_handler if by_page else signal.SIG_IGN]
