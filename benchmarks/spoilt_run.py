@@ -25,9 +25,9 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Replace methods of the camera class and the wall clock by versions that files in a folder can make faulty.
+    """Replace the wall clock and some methods of the camera class, so that they can be made to fail during a run.
 
-    The module describes the files. `beside` is the folder.
+    A fault begins if a file with its name appears in the folder `beside`. The module lists the faults.
     """
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 

@@ -49,10 +49,10 @@ def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[St
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)
         return (StatedSource("coil", share, line.probe), StatedSource("offset", line.offset_mT_sigma, line.probe))
-    known = [(abs(s.field_mT), s.field_sigma_mT) for s in states if s.field_sigma_mT is not None]
-    if not known:
+    stated = [(abs(s.field_mT), s.field_sigma_mT) for s in states if s.field_sigma_mT is not None]
+    if not stated:
         return ()
-    (_, weakest_sigma), (strongest_mT, strongest_sigma) = min(known), max(known)
+    (_, weakest_sigma), (strongest_mT, strongest_sigma) = min(stated), max(stated)
     of = f"measured fields of {dataset.path.name}"
     sources = (StatedSource("offset", weakest_sigma, of),)
     return (StatedSource("coil", strongest_sigma / strongest_mT, of), *sources) if strongest_mT else sources

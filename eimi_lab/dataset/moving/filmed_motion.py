@@ -201,11 +201,11 @@ def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Ite
 
 def _tell_view(path: Path, view: SteadyView | None, film: Film) -> None:
     """Print a note if the camera moved, if this cannot be checked, or if the beam was seen in few frames."""
-    seen = float(np.isfinite(film.middle_px[..., 0]).mean())
-    if seen < _LITTLE:
+    visible_share = float(np.isfinite(film.middle_px[..., 0]).mean())
+    if visible_share < _LITTLE:
         tell(
-            f"note: {path}: the beam was seen in {seen:.0%} of the frames; poor light or focus, motion blur, or a hand "
-            "in front of the beam can be the reason"
+            f"note: {path}: the beam was seen in {visible_share:.0%} of the frames; poor light or focus, motion blur, "
+            "or a hand in front of the beam can be the reason"
         )
     if view is not None and view.moved_px > MOVED_PX:
         tell(

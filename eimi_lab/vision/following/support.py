@@ -308,5 +308,5 @@ class _Chain:
 
 def _median_width(widths: Array) -> float:
     """Return the median of the known widths of the beam; NaN if fewer than three are known (not NaN)."""
-    known = widths[np.isfinite(widths)]
-    return float(np.median(known)) if len(known) >= 3 else math.nan
+    finite = widths[np.isfinite(widths)]
+    return float(np.median(finite)) if len(finite) >= 3 else math.nan

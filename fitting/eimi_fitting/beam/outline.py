@@ -151,7 +151,7 @@ def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
     across = [np.einsum("...ndi,...ni->...nd", lines - middle[..., None, :], way) for way in (tangent, normal)]
-    # The place of each crossing on its line, in stations from the clamp.
+    # The place on each line where the normal of a station crosses it, as a number of stations from the clamp.
     x, y = lines[..., 0], lines[..., 1]
     at = np.broadcast_to(np.arange(n, dtype=float)[:, None], x.shape)
     at = at - across[0] / np.einsum("...ndi,...ni->...nd", np.gradient(lines, axis=-3), tangent)

@@ -183,11 +183,11 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Assemble the stiffness between the rigid body (the magnet) and the nodes around it, (B, 3, m).
+        """Assemble the part of the stiffness matrix that couples the magnet, a rigid body, to the nodes around it.
 
-        The three rows belong to the translation (x, y) and the rotation of the body, and the m columns to the unknowns
-        of the nodes around it. rows: the contributions of the Et elements at the body, (Et, B, 3, d), with d unknowns
-        in each element, for B candidate laws.
+        The result has the shape (B, 3, m) for B candidate laws. The three rows belong to the translation (x, y) and the
+        rotation of the body, and the m columns to the unknowns of the nodes around it. rows: the contributions of the
+        Et elements at the body, (Et, B, 3, d), with d unknowns in each element.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)

@@ -122,7 +122,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return whether all scanned deformations with a given largest stretch are stable, for each of P laws, (P,).
+    """Return whether a law is stable in every tested deformation with a given largest stretch, for P laws, (P,).
 
     largest: the logarithm of this stretch for each candidate law, (P,).
     """

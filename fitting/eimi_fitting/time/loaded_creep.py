@@ -175,10 +175,10 @@ class CreepHistories:
             early = longest - len(plan.curves)
             row = []
             for curve in [straight] * early + plan.curves:
-                known = next((i for i, one in enumerate(curves) if one is curve), len(curves))
-                if known == len(curves):
+                index = next((i for i, one in enumerate(curves) if one is curve), len(curves))
+                if index == len(curves):
                     curves.append(curve)
-                row.append(known)
+                row.append(index)
             rows.append(row)
             spans.append(np.concatenate([np.ones(early), plan.spans_s]))
             self._wanted.append(early + plan.wanted)

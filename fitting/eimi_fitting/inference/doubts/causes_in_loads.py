@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eimi_fitting.beam.coil_field import CoilShape
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.inference.doubts.possible_causes import Assumed, Change, PossibleCause, of_source
+from eimi_fitting.inference.evidence.sources import with_gradient
 
 Array = NDArray[np.float64]
 
@@ -83,18 +83,7 @@ def _graded(loads: Loads, amplitudes: Array) -> Loads:
     the gradient at a distance of 10 mm, along this axis, from the position of the magnet at rest; at this position
     itself, the quadratic change has no gradient.
     """
-    strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
-    size = float(np.linalg.norm(strongest))
-    if not size:
-        return loads
-    shape = loads.coil or CoilShape((float(strongest[0] / size), float(strongest[1] / size)))
-    along, across = shape.gradient_per_m
-    graded = replace(
-        shape,
-        gradient_per_m=(along + float(amplitudes[0]), across + float(amplitudes[1])),
-        curvature_per_m2=shape.curvature_per_m2 + float(amplitudes[2]) / (2 * _GRADIENT_AT_M),
-    )
-    return replace(loads, coil=graded)
+    return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 
 
 _BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"

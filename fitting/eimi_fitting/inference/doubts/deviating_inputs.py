@@ -70,7 +70,7 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
     base : int
         Index of the most probable hypothesis. Its causes are not returned.
     """
-    found: dict[int, Deviation] = {}
+    recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):
         rows = weighing.rows_of_inputs(cause)
         if not rows or cause in weighing.hypotheses[base]:
@@ -85,9 +85,9 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
             if member == cause:
                 amplitudes = weighing.as_cause(rows, posterior.means[base, rows], cause)
             one = _deviation(weighing, exact, member, amplitudes, group)
-            if member not in found or found[member].probability < one.probability:
-                found[member] = one
-    return found
+            if member not in recognised or recognised[member].probability < one.probability:
+                recognised[member] = one
+    return recognised
 
 
 def _deviation(weighing: Weighing, exact: Exact, cause: int, amplitudes: Array, group: tuple[int, ...]) -> Deviation:

@@ -90,10 +90,10 @@ def estimate_beside(
     noise = linearise_noise(changed, reached, effects)
     shift = _ENLARGED * max(weighed.modulus_percent, key=abs)
     result = estimate(changed, reached, effects, noise, refinements, seed, shift)
-    own = {name: getattr(before.identifiability, name) for name in _OF_RESIDUALS}
+    of_residuals = {name: getattr(before.identifiability, name) for name in _OF_RESIDUALS}
     return replace(
         result,
-        identifiability=replace(result.identifiability, **own),
+        identifiability=replace(result.identifiability, **of_residuals),
         mesh=before.mesh,
         section_change=before.section_change,
         held_out_error_mm=before.held_out_error_mm,

@@ -174,11 +174,18 @@ def _background_field(loads: Loads, deviation: Array) -> Loads:
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
-def _field_graded(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with a changed field gradient along and across the beam.
+def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.0) -> Loads:
+    """Return the loads with a changed gradient of the field, and with a changed curvature.
 
-    A gradient is the relative change of the field strength per metre. ``deviation`` (2,) has the numbers that are added
-    to the two gradients.
+    Parameters
+    ----------
+    loads : Loads
+        The loads. They are returned unchanged if they contain no field.
+    added_per_m : ndarray, shape (2,)
+        Numbers that are added to the gradients along and across the straight beam. A gradient is the relative change of
+        the field strength per metre.
+    curvature_per_m2 : float
+        Number that is added to the curvature of the field (`CoilShape`).
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
@@ -186,8 +193,12 @@ def _field_graded(loads: Loads, deviation: Array) -> Loads:
         return loads
     shape = loads.coil or CoilShape((float(strongest[0] / size), float(strongest[1] / size)))
     along, across = shape.gradient_per_m
-    more = (along + float(deviation[0]), across + float(deviation[1]))
-    return replace(loads, coil=replace(shape, gradient_per_m=more))
+    graded = replace(
+        shape,
+        gradient_per_m=(along + float(added_per_m[0]), across + float(added_per_m[1])),
+        curvature_per_m2=shape.curvature_per_m2 + curvature_per_m2,
+    )
+    return replace(loads, coil=graded)
 
 
 def _farther(view: View, deviation: Array) -> View:
@@ -327,7 +338,7 @@ SOURCES: dict[str, Source] = {
         usual=1.0,
         stated_in="calibration",
         key="field_gradient_per_m",
-        loads=_field_graded,
+        loads=with_gradient,
     ),
     "stand-off": Source(
         words="stand-off of the lens",

@@ -1,6 +1,6 @@
 """Compute the 95 % intervals of the parameters of an identified hyperelastic law.
 
-covariance           the linearised evidence (edges, tensile curves, priors) and the covariance of the optimum
+covariance           the residuals as linear functions of the unknowns, and the covariance of the optimum
 noise                level and correlation of the noise: the residuals without the effects of uncertain inputs
 considered           the effect of stated uncertainties on the estimate
 budget               the contribution of each source of uncertainty to the interval

@@ -297,7 +297,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     Returns
     -------
     Linearisation
-        The linearised evidence.
+        The linearised residuals, with the slopes of tensile curves and priors.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits

@@ -45,10 +45,10 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The linearised evidence of a fit, at the values of unknowns and uncertain inputs that explain it best.
+    """The residuals of a fit as linear functions of unknowns and uncertain inputs, near the values that fit best.
 
-    The evidence is the edges, tensile curves and priors. A fit determines the n unknowns only. Here the S uncertain
-    inputs are determined too, so that the remaining residuals are noise.
+    A fit determines the n unknowns only. Here the S uncertain inputs are determined too, so that the remaining
+    residuals are noise.
 
     Parameters
     ----------
@@ -106,10 +106,10 @@ class Noise:
     Parameters
     ----------
     about : Linearisation
-        The linearised evidence at the optimum. The variance of the score (the gradient of minus the log-likelihood) is
+        The linearised residuals at the optimum. The variance of the score (the gradient of minus the log-likelihood) is
         computed from the noise alone.
     explained : Explained
-        The linearised evidence at the values of unknowns and uncertain inputs that explain the residuals best.
+        The linearised residuals at the values of unknowns and uncertain inputs that fit best.
     sources : tuple of ConsideredSources
         The S uncertain numbers that keep their stated values in the fit.
     mean_model_mm : float
@@ -150,7 +150,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     Returns
     -------
     Noise
-        The linearised evidence, with the noise separated from the errors of the sources.
+        The linearised residuals, with the noise separated from the errors of the sources.
 
     Notes
     -----
@@ -212,9 +212,9 @@ def _explained(
     model_mm: Sequence[Array],
     near: Sequence[Shapes],
 ) -> Explained:
-    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised evidence.
+    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised residuals.
 
-    The evidence (edges, tensile curves, priors) is linearised at the step with the least objective. ``near`` has shapes
+    They are linearised at the step with the least objective. ``near`` has shapes
     of the beam at the optimum, from which the solver starts.
     """
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
