@@ -369,16 +369,17 @@ class FitRecord(IdentifiedLaw, LawRecord):
         """Return the kind of data of a fit: `bending`, or `bending and tensile` for a joint fit."""
         return "bending and tensile" if self.tensile else "bending"
 
-    def summary(self) -> str:
+    def summary(self, modulus: str = "") -> str:
         """Return one line about a fit.
 
         The line gives the law, the initial shear modulus with its interval, the doubts (reasons to distrust the fit),
-        the mean error, and the inputs without an uncertainty.
+        the mean error, and the inputs without an uncertainty. `modulus` is the modulus with its interval as text; if it
+        is empty, both are given in Pa.
         """
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
         return (
-            f"{self.model}: initial shear modulus {self.modulus_in_words()}{self.doubts_in_short()}, "
+            f"{self.model}: initial shear modulus {modulus or self.modulus_in_words()}{self.doubts_in_short()}, "
             f"mean error {1e3 * self.mean_error_mm:.2f} µm{exact}{self._not_stated()}"
         )
 

@@ -34,11 +34,10 @@ def summaries(path: Path) -> list[dict[str, Any]]:
 def _summary(fit: FitRecord) -> dict[str, Any]:
     modulus = fit.initial_shear_modulus
     value, interval = value_and_interval(modulus)
-    in_pascal = fit.modulus_in_words()
     return {
         "model": fit.model,
         "modulus": [modulus.value, modulus.unit, *(modulus.interval_95 or (None, None))],
-        "summary": fit.summary().replace(in_pascal, f"{value} (95 % interval: {interval})"),
+        "summary": fit.summary(f"{value} (95 % interval: {interval})"),
         "parameters": {
             name: [quantity.value, quantity.unit, *(quantity.interval_95 or (None, None))]
             for name, quantity in fit.parameters.items()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.loads import Loads
-from eimi_fitting.inference.doubts.possible_causes import Assumed, Change, PossibleCause, of_source
+from eimi_fitting.inference.doubts.possible_causes import BOTH_POLARITIES, Assumed, Change, PossibleCause, of_source
 from eimi_fitting.inference.evidence.sources import with_gradient
 
 Array = NDArray[np.float64]
@@ -86,8 +86,6 @@ def _graded(loads: Loads, amplitudes: Array) -> Loads:
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 
 
-_BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
-
 CAUSES_IN_LOADS: tuple[PossibleCause, ...] = (
     of_source(
         "moment",
@@ -110,7 +108,7 @@ CAUSES_IN_LOADS: tuple[PossibleCause, ...] = (
         "background_field",
         "background-field",
         (0.05, 0.05),
-        f"{_BOTH_POLARITIES}, or a gaussmeter at zero current",
+        f"{BOTH_POLARITIES}, or a gaussmeter at zero current",
         ("offset",),
     ),
     PossibleCause(

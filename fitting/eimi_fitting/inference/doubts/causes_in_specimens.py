@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eimi_fitting.beam.rest_modes import WAIST, with_modes
-from eimi_fitting.inference.doubts.possible_causes import Assumed, PossibleCause, by_sources, of_source
+from eimi_fitting.inference.doubts.possible_causes import BOTH_POLARITIES, Assumed, PossibleCause, by_sources, of_source
 from eimi_fitting.inference.doubts.twisted_picture import without_twist
 from eimi_fitting.inference.evidence.sources import SOURCES
 from eimi_fitting.laws.sum_of_terms import SumOfTerms
@@ -70,7 +70,6 @@ def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 _REST_PICTURE = "two pictures without field, the second with the beam turned by 180 degrees about its axis"
-_BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
 
 CAUSES_IN_SPECIMENS: tuple[PossibleCause, ...] = (
     PossibleCause(
@@ -92,7 +91,7 @@ CAUSES_IN_SPECIMENS: tuple[PossibleCause, ...] = (
         "taper",
     ),
     of_source("width", "width", (0.05,), "the width at several places"),
-    of_source("magnetisation_angle", "magnetisation-angle", (3.0,), _BOTH_POLARITIES),
+    of_source("magnetisation_angle", "magnetisation-angle", (3.0,), BOTH_POLARITIES),
     PossibleCause(
         "magnetisation_out_of_plane",
         "twist by a magnetisation out of the plane of the picture",

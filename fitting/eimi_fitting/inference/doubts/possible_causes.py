@@ -20,6 +20,9 @@ from eimi_fitting.laws.law import Law
 
 Array = NDArray[np.float64]
 
+BOTH_POLARITIES = "the same currents with both polarities (both_polarities = true)"
+"""The measurement that decides between several causes in the specimen and in the loads."""
+
 
 @dataclass(frozen=True)
 class Assumed:
