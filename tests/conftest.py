@@ -38,8 +38,8 @@ MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Use two more workers than there are processors, because many tests wait for emulated instruments."""
-    return (os.cpu_count() or 1) + 2
+    """Use one more worker than there are processors, because many tests wait for emulated instruments."""
+    return (os.cpu_count() or 1) + 1
 
 
 # A worker runs whole files. The slowest files start first, so that no worker is still busy with a slow file at the end.
