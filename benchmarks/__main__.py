@@ -131,9 +131,9 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of an earlier version of the page in Markdown, by the names of the benchmarks.
+    """Return the sections of the page with the benchmark tables, by the names of the benchmarks.
 
-    The result is empty if the page does not exist.
+    `page` is the Markdown file of an earlier run. The result is empty if it does not exist.
     """
     if not page.is_file():
         return {}

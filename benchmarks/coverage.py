@@ -25,10 +25,10 @@ A row of the table is right under two conditions. First, 93 to 97 % of the inter
 may be outside these limits by the statistical error that the number of experiments causes. Second, the intervals are at
 most 1.15 times as wide as 95 % coverage needs.
 
-By chance, the drawn values of the sources can lie nearer to zero or farther from zero than their uncertainties say.
-This alone makes the share larger or smaller than 95 %, and the column "drawn" shows by how much. For each experiment,
-the error of the modulus is predicted: the sum of the drawn deviations, each multiplied by its effect in the budget. The
-column gives the share of experiments in which the predicted error is within 1.96 standard deviations.
+By chance, the drawn deviations can be smaller or larger than their uncertainties say. This alone makes the share larger
+or smaller than 95 %, and the column "drawn" shows this effect. For each experiment, the error of the modulus is
+predicted: the sum of the drawn deviations, each multiplied by its effect in the budget. The column gives the share of
+experiments in which the predicted error is within 1.96 standard deviations.
 """
 
 from __future__ import annotations

@@ -61,7 +61,8 @@ class Case:
     noise : float
         Standard deviation of the noise of the tensile test, as a share of the largest stress.
     off : float
-        Largest factor by which the constants Jm, b and alpha in the terms of the hidden law differ from the library.
+        Largest factor by which the constants Jm, b and alpha of the hidden law differ from those of the terms that a
+        discovery can choose.
     evidence
         The kinds of evidence: the beam alone, the tensile test alone, or both. One discovery is made from each kind.
     """
@@ -129,8 +130,8 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 def row(name: str, words: Sequence[str]) -> str:
     """Return a row of the table in Markdown.
 
-    ``words`` has one result ("right", "open" or "wrong") for each hidden law. The row contains the count of each
-    result.
+    ``words`` has one result for each hidden law: "right", "wrong" or "open" (not identifiable). The row contains the
+    number of times that each result occurs.
     """
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"

@@ -152,11 +152,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the change of the unknowns ``x`` in one step of Newton's method, in a field (mT).
-
-        FElupe computes forces and stiffness for the displacements in its field container, which this function sets to
-        those of ``x``.
-        """
+        """Return the change of the unknowns ``x`` in one step of Newton's method, in a magnetic field (mT)."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()

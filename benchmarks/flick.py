@@ -106,7 +106,7 @@ HEAD = (
 def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outcome:
     """Render one video into a folder, and fit the strip in this video.
 
-    `rate` is the frame rate (Hz) that is given at the import. None means the frame rate in the video file.
+    `rate` is the frame rate (Hz) that the user gives; None means the frame rate in the video file.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([film.seed, 5])
@@ -150,10 +150,10 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
 
 
 def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None]]:
-    """Yield several recordings of one scene; each has one difficulty, such as a phone that is held by hand.
+    """Yield several recordings of one flicked strip; each has one difficulty, such as a phone that is held by hand.
 
-    Each element consists of a name, the recording, and the frame rate (Hz) that is given at the import. None means the
-    frame rate in the video file.
+    Each element consists of a name, the recording, and the frame rate (Hz) that the user gives when the program reads
+    the video. None means the frame rate in the video file.
     """
     base = replace(film, rate_Hz=240.0, row_time_s=0.6 / 240.0 / film.scene.size[1])
     size = film.flicks_mm[0]

@@ -109,10 +109,10 @@ def _loop(loads: Loads) -> Loads:
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return larger loads that stand for a softer beam: the loads, divided by ``stiffness``.
+    """Return the loads under which the unchanged beam bends as far as a softer beam under ``loads``.
 
-    ``stiffness`` contains the factor on the stiffness of the beam in each of K states, (K,). For example, creep makes
-    this factor smaller than 1. The softer beam under ``loads`` bends as far as the unchanged beam under the result.
+    ``stiffness``, shape (K,), contains the stiffness of the softer beam in each of K states, divided by the stiffness
+    of the unchanged beam. For example, creep makes a beam softer.
     """
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)

@@ -5,7 +5,8 @@
 Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal. The camera plays a recording. The
 emulator is in the process of this script, which continues after the end of the run and can observe the coil. The signal
 TERM, HUP, INT or KILL is sent to the run at a random moment between its first message to the supply and its end. The
-exit status is 0 if no run had a fault: a coil that stays on, or a reported state that is lost.
+exit status is 0 if no run had a fault. There are two faults: the coil stays on, or a state that the run reported as
+stored is not in the file.
 """
 
 from __future__ import annotations

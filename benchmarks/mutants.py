@@ -9,7 +9,8 @@ room may also be a folder with several packages, such as "drivers", or a folder 
 The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, a fragment of the right code, the
 wrong fragment that replaces the right fragment, and the tests that concern the mistake. These tests run until a test
 fails; the mistake is then caught. A mistake that makes a test hang is caught only if the time limit of that test ends
-the test. With ``--results`` a run continues where an earlier run ended, and repeats the mistakes that survived.
+the test. ``--only N`` tries only mistake number N. With ``--results`` a run continues where an earlier run ended, and
+repeats the mistakes that survived.
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
 the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
@@ -108,7 +109,7 @@ class Mutant:
     def key(self) -> str:
         """Return an identifier of this mistake (change of the code) that does not depend on other mistakes.
 
-        It depends on the file and the two fragments, and for a listed mistake also on its tests.
+        It depends on the file, the right code and the wrong code, and for a listed mistake also on its tests.
         """
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
@@ -186,7 +187,7 @@ def run_tests(
 
     The outcome is "caught" if a test failed. It is "survived" if no test failed, or if the tests did not end within
     `limit_s` seconds. It is "broken" if pytest could not run the tests, for example because a file of tests cannot be
-    imported; `tried` then finds out whether the mistake is the reason.
+    imported.
 
     The line is the one that names the failed test or the file that cannot be imported. Otherwise it is the last line.
     `options` are further options of pytest.
@@ -211,9 +212,9 @@ def run_tests(
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
     """Run pytest on a copy of the project, and end the process with the exit status of pytest.
 
-    This function runs in a new process, in which only third-party packages are already imported, to save time. The
-    modules of the project are imported from the copy, a folder. transcript: the file that receives the output of
-    pytest. tests: the tests. test_limit_s: time limit of a test, s.
+    This function runs in a new process. To save time, third-party packages are already imported there. The modules of
+    the project are imported from the folder `copy`. The file `transcript` receives the output of pytest. A test is
+    stopped after `test_limit_s` (s).
     """
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
@@ -260,7 +261,10 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the generated changes of the code that change no behaviour: the key of each, with the reason as text."""
+    """Return the generated mistakes that change no behaviour and are therefore not counted.
+
+    The result maps the key (identifier) of each mistake to the reason as text.
+    """
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 

@@ -91,7 +91,10 @@ def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
 
 
 def measure(quick: bool) -> dict[str, Json]:
-    """Compute and return the results of every case, by the name of the case; only one case if `quick` is true."""
+    """Compute the edges, fits and errors of simulated measurements, and return them by the name of the measurement.
+
+    If `quick` is true, only the quick demonstration is computed.
+    """
     every: dict[str, Json] = {}
     for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
         if options or not quick:
@@ -137,10 +140,10 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the name of the quantity to which a value belongs: its keys, joined by dots.
+    """Return the name of the quantity to which a value in the results belongs, such as fits.seed.
 
-    The name of the case, the name of the law and list indices are left out, so that a quantity has the same name in all
-    cases and laws. `path` contains the keys that lead to the value, as `leaves` yields them.
+    `path` contains the keys and indices that lead to the value. The name joins the keys with dots. The name of the
+    case, the name of the law and the indices are left out, so that the name is the same for all of them.
     """
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest

@@ -95,7 +95,7 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
             trial.end()
             if supply.on() and not fault.out_of_reach:
                 wrong.append("the coil is on again")
-            wrong += _called_off_too_early(trial)
+            wrong += _reported_off_too_early(trial)
         finally:
             if trial.process.poll() is None:
                 trial.process.kill()
@@ -116,12 +116,11 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
         return Outcome(on_for_s, trial.acknowledged(), lost, wrong)
 
 
-def _called_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that said that the coil was off, although its true current was still above a limit.
+def _reported_off_too_early(trial: Trial) -> list[str]:
+    """Return the messages which said that the coil was off, although a current above a limit still flowed.
 
-    A coil may be called off if its current is below the limit. Some messages state the limit. For a message without it,
-    the limit of the last message that stated one is used. Before any such message the limit is `OFF_A`, the smallest
-    limit of all families of supplies.
+    Below the limit a message may say that the coil is off. A message can contain the limit; otherwise the limit of the
+    last message that contained one applies, and before that the smallest limit of all families of supplies.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):
@@ -145,7 +144,7 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Run several trials of each fault, print the figures, and return the number of trials that failed.
+    """Run several trials of each fault that can keep a coil on; print a table, and return the number of failed trials.
 
     `trials` is the number of trials of each fault, `seed` is the seed of the random moments, and `patience` is a factor
     on the time limits.

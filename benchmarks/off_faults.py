@@ -144,10 +144,10 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return a text that identifies the connection to a supply, as a part of the name of a fault.
+    """Return a text that identifies a supply and its connection, as a part of the name of a fault.
 
-    For the connections in `LINES` the text is the transport alone, such as "tcp". For any other connection the driver
-    follows, as in "tcp keysight-n6700".
+    The text is the kind of connection, such as "tcp". The driver follows, as in "tcp keysight-n6700", unless the supply
+    is the usual one for this connection.
     """
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 

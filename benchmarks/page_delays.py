@@ -9,9 +9,9 @@ browser reports to the server that the frame is drawn. The delay of a stop is th
 until the emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its
 delay ends when the emulated supply takes the current of zero.
 
-The key press in the browser is the time that the browser gives to the key event. The key press of a person reaches the
-browser directly. Here it passes through two processes of the test tool before, which also wait for a busy processor.
-The delay from the call of the test tool is printed in brackets.
+The delay of a stop begins at the time that the browser gives to the key event. A test tool presses the key here. It
+needs two processes, which also wait for a busy processor, and a person's key press does not. The delay from the call of
+the test tool, which is longer, is printed in brackets.
 """
 
 from __future__ import annotations
@@ -314,7 +314,7 @@ def stream(minutes: float) -> None:
 
 
 def main() -> None:
-    """Print the delays, or the memory during a run whose pictures are shown."""
+    """Print how soon the page shows a frame and switches the coil off, or with --stream the memory during a run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
     parser.add_argument(

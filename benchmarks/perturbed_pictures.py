@@ -38,7 +38,8 @@ _VERDICTS = ("right", "doubted", "refused", "thin", "silent")
 def verdict(edges: EdgeSet, scored: PictureScore) -> str:
     """Return whether the detected edges of a changed photograph are good enough, as one of five words.
 
-    The words are "refused", "silent", "right", "doubted" and "thin". The docstring of this module explains them.
+    The words are "refused" (no usable edges), "silent" (wrong edges without a warning), "right", "doubted" (a warning)
+    and "thin" (too few points or too large distances).
     """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
@@ -51,7 +52,7 @@ def verdict(edges: EdgeSet, scored: PictureScore) -> str:
 
 
 def main() -> None:
-    """Print the number of pictures of each verdict for each change."""
+    """Detect the edges in the changed photographs; print for each change how many are right, and how many are not."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--change", action="append", choices=list(CHANGES))
     parser.add_argument("--overlay", type=Path)

@@ -71,8 +71,8 @@ class Ranked:
         Ends of two 95 % intervals of the error of the modulus, %: the interval from all stated uncertainties, and the
         interval from noise and mesh alone.
     doubted_percent : tuple of float or None
-        Smallest and largest change of the modulus, %, if the cause is present that a doubt (a warning) names. None if
-        no doubt names a cause.
+        A doubt (a warning of the fit) may name a cause of the residuals. Smallest and largest change of the modulus, %,
+        if this cause is present; None if no doubt names a cause.
     doubts : int
         Number of doubts of any kind.
     causes : tuple of Entry
@@ -142,19 +142,19 @@ class Ranked:
 
     @property
     def is_declared(self) -> bool:
-        """Whether the fit names the true cause first, alone or as one of a class of similar causes.
+        """Whether the true cause is the most probable one, or cannot be distinguished from it by the data.
 
-        True if `is_first` is true, or if the most probable class contains the true cause; `Entry` defines a class. With
-        two true causes: if each of the two most probable classes contains a true cause.
+        Two true causes must be the first two, or each of the two most probable classes must contain one of them. A
+        class contains causes that the data cannot distinguish.
         """
         return self.is_first or self._is_in_first_classes(len(self.true))
 
     @property
     def is_declared_second(self) -> bool:
-        """Whether the fit names the true cause first or second, alone or as one of a class of similar causes.
+        """Whether the true cause is in one of the two most probable classes, or is one of the first two causes.
 
-        True if `is_second` is true, or if one of the first two classes contains the true cause; `Entry` defines a
-        class. With two true causes: if two of the first three classes contain a true cause.
+        A class contains causes that the data cannot distinguish. With two true causes, two of the three most probable
+        classes must contain one of them, or both must be among the first three causes.
         """
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
@@ -187,7 +187,7 @@ class Ranked:
         return low + least <= 0 <= high + most
 
     def in_words(self) -> str:
-        """Return two lines: the error of the modulus with its intervals and the doubt, and the first three causes."""
+        """Return two lines: the error of the modulus with its 95 % intervals, and the three most probable causes."""
         low, high = self.interval_percent
         ends = self.interval_fit_percent
         doubt = "no doubt that names a cause"
@@ -206,10 +206,10 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines of text, each with a number of fits.
+    """Return lines of text that say how many fits found the true cause of their residuals.
 
-    The lines count the fits by the rank of the true cause or of its class, the fits that give a wrong cause a
-    probability above 0.9, and the fits whose interval or doubt contains the true modulus (`Ranked.is_said`).
+    Further lines count the fits that give a wrong cause a probability above 0.9, and the fits whose interval of the
+    modulus is right, if necessary after the change that a doubt (a warning of the fit) gives.
     """
     counts = {
         "first": sum(one.is_first for one in results),

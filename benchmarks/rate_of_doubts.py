@@ -8,13 +8,13 @@ true value of every input, such as a width, is drawn about the nominal value wit
 files of the bench example give. The edges have white noise; no pictures are rendered. The fit knows only the nominal
 values and their uncertainties, and it measures the shape at rest, as `eimi fit` does.
 
-The files are right, so that every doubt is a false alarm. A cause that a doubt names can still be present, because the
-inputs deviate within their uncertainties. A named cause counts as right if it is a drawn input, and its value has the
-sign of the drawn deviation and at most twice its size.
+The files are right, so that every doubt is a false alarm. Nevertheless, a doubt can name a deviation that was really
+drawn. A named cause counts as right if its value differs from the drawn deviation by at most this deviation, or by at
+most 0.3 times the usual size of the cause.
 
 --exact         Every input has its nominal value.
 --one-polarity  Eight increasing fields of one polarity (sign) replace the 13 fields of both polarities.
---record        One line of JSON is appended to a file for each fit (`benchmarks.ranked_causes`).
+--record        One line of JSON is appended to a file for each fit; `benchmarks.ranked_causes` makes a table of it.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _deviations(seed: int) -> dict[str, Array]:
 
 
 def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
-    """Simulate and fit one experiment, and return its causes and doubts.
+    """Simulate and fit one experiment; return the result, with the possible causes of the residuals.
 
     Parameters
     ----------
@@ -87,7 +87,10 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def drawn_values(seed: int) -> dict[str, float]:
-    """Return the drawn deviations in the units of the causes, by the name of the cause."""
+    """Return the true size of each possible cause in a bench, by the name of the cause.
+
+    The size is computed from the drawn deviations of the inputs from the files, in the unit that a fit uses.
+    """
     drawn = {key: float(values[-1]) for key, values in _deviations(seed).items()}
     magnet = STATED.mechanics().magnet
     assert magnet is not None
@@ -106,9 +109,9 @@ def drawn_values(seed: int) -> dict[str, float]:
 
 
 def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
-    """Return the named causes of a fit that are not right.
+    """Return the causes that a fit names with a wrong size.
 
-    ``values`` has the drawn deviations by the name of the cause.
+    ``values`` has the true size of each cause by its name.
     """
     names = []
     for entry in one.causes:
@@ -121,9 +124,9 @@ def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
 
 
 def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
-    """Return lines of text with numbers of fits, for example of fits that name a cause.
+    """Return lines of text that say how many fits name a cause, name a wrong cause, have a doubt, and so on.
 
-    ``values`` has the drawn deviations of each fit by the name of the cause.
+    ``values`` has, for each fit, the true size of each cause by its name.
     """
 
     def has(one: Ranked, is_within_stated: bool) -> bool:
@@ -145,7 +148,7 @@ def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> 
 
 
 def main() -> None:
-    """Simulate and fit the experiments; print the causes and doubts of each fit, and the counts of fits with doubts."""
+    """Simulate and fit the experiments; print the result of each fit, and the number of fits with doubts (warnings)."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="seed of the first experiment")

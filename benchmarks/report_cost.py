@@ -25,7 +25,10 @@ _LARGEST_STRAIN, _ROWS = 4.0, 200
 
 
 def curve(path: Path) -> Path:
-    """Write the tensile test of a Yeoh material, with strain and stress in kPa, to a file; return the file's path."""
+    """Write a file with the simulated tensile test of a Yeoh material, and return the path of the file.
+
+    The file has two columns: strain, and stress in kPa.
+    """
     strain = np.linspace(0.0, _LARGEST_STRAIN, _ROWS + 1)[1:]
     stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], np.array([_YEOH_PA]), strain)[0]
     rows = [f"{e:.4f},{s:.5f}" for e, s in zip(strain, stress_kPa, strict=True)]
@@ -34,7 +37,7 @@ def curve(path: Path) -> Path:
 
 
 def main() -> None:
-    """Print the table: processor time (s), memory (MB) and wall-clock time (s) of `eimi report`, for three sizes."""
+    """Print the time (s) and the memory (MB) that `eimi report` needs, for three reports of different size."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--curve", type=Path, help="file with a tensile test")
     parser.add_argument("--repeats", type=int, default=3, help="number of runs; the fastest counts")

@@ -4,7 +4,7 @@ python -m benchmarks.solid_mesh [--short] [NAME...]
 
 For each mesh the script prints two errors of the modulus. The first is the error of the solid model alone. The second
 is the error after a correction: a finer mesh of the planar model changes the rotation of its tip, and this change is
-added to the rotation in the solid model.
+added to the rotation in the solid model. NAME selects specimens; --short computes one specimen on one mesh.
 """
 
 from __future__ import annotations
@@ -40,18 +40,14 @@ def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
     """Return the rotation of the tip (degrees) of the solid model in each of K fields, shape (K,).
 
-    `mesh` contains three numbers: elements along the beam, elements across it, and elements over the half depth in
-    addition to the elements that the model always has there.
+    `mesh` contains the numbers of elements along and across the beam, and the refinement factor in depth.
     """
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """Print the error of the modulus (%) in the highest field, for each specimen and mesh.
-
-    With --short only one case is computed.
-    """
+    """Print the error of the modulus (%) in the highest field, for each specimen and mesh."""
     short = "--short" in sys.argv
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if short else names:

@@ -226,8 +226,8 @@ maximum = 12.0
     def spoil(self, name: str) -> float:
         """Cause a fault of the camera or of the clock, and return the time (s, monotonic clock) of the fault.
 
-        `name` is a fault of `benchmarks.spoilt_run`, such as "grab" or "clock". A fault of a method of the camera acts
-        only when the run calls this method. For all of them but "close", this function waits for the call.
+        `name` is a fault of `benchmarks.spoilt_run`. With "clock", the clock steps back. Every other fault blocks a
+        method of the camera, such as "grab", when the run calls it; this function waits for the call (not for "close").
         """
         (self.folder / name).touch()
         began = time.monotonic()

@@ -28,10 +28,10 @@ Each draw is written to the file as one line of JSON as soon as it is done, with
 repeated. The tables of frequencies and deflections are kept in a second file, FILE.tables. --table prints the table of
 the draws in the file, without further draws.
 
-The table shows the modulus at the times 0.032, 1 and 32 s. These are the times of the fit nearest to 0.03, 1 and 30 s.
-The column "hold" gives the share of intervals that contain the hidden value, and "chance" gives the 95 % interval of
-this share (Clopper and Pearson). The column "width over needed" compares two standard deviations of ln(fitted value /
-hidden value): the one that the intervals state, divided by the one that is observed.
+The rows mu(0.03 s), mu(1 s) and mu(30 s) of the table show the modulus at the times 0.032, 1 and 32 s. The column
+"hold" gives the share of intervals that contain the hidden value, and "chance" gives the 95 % interval of this share
+(Clopper and Pearson). The column "width over needed" compares two standard deviations of ln(fitted value / hidden
+value): the one that the intervals state, divided by the one that is observed.
 """
 
 from __future__ import annotations
@@ -98,20 +98,17 @@ _KEPT: dict[Any, Any] = {}
 
 
 def once(key: Any, compute: Callable[[], Any]) -> Any:
-    """Return the result of a computation; repeat the result of an earlier computation with the same key.
-
-    The results are kept in `_KEPT`, which `tables_shared` writes to a file.
-    """
+    """Return the result of a computation, and keep it for later calls with the same key."""
     if key not in _KEPT:
         _KEPT[key] = compute()
     return _KEPT[key]
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the stiffness of the nominal rod, and the derivatives of length, hinge and softening, (3, 3).
+    """Return the stiffness of the rod for the nominal beam, and how it changes with the dimensions of the beam.
 
-    The derivatives are those of the logarithms of length and hinge and of the softening in m², with respect to the
-    logarithms of width, depth and length of the beam, one row for each of these dimensions.
+    The change is an array of derivatives, shape (3, 3). The rows belong to ln(width), ln(depth) and ln(length) of the
+    beam. The columns belong to ln(length), ln(hinge stiffness) and softening (m²) of the rod.
     """
 
     def rod(specimen: Specimen) -> Stiffness:
@@ -141,7 +138,10 @@ def stiffness_near(specimen: Specimen) -> Stiffness:
 
 
 def _static_angles() -> tuple[np.ndarray, np.ndarray]:
-    """Return moduli (Pa), increasing, and the rotations of the nominal beam's tip in the fields, (moduli, fields)."""
+    """Return a table of static shapes of the nominal beam: M moduli, and the rotations of the tip in K fields.
+
+    The moduli (Pa) increase and have the shape (M,). The rotations (degrees) have the shape (M, K).
+    """
     moduli = np.geomspace(24e3, 90e3, 14)
     fields = Loads.along([field for field, _ in FIELDS if field])
     nominal = SolidBeside(BEAM, 16, 2)
@@ -153,9 +153,9 @@ def measured(
 ) -> tuple[list[RecordedMotion], StaticStates, float]:
     """Return a virtual measurement of a material: recorded motions with noise, static states, and the moment.
 
-    The moment is the true magnetic moment, divided by the nominal moment. is_whole: whether the recordings show the
-    vibrations. Otherwise they show the creep alone, and the dictionary `REDUCED` receives the frequency and the loss of
-    each vibration, by the label of the recording.
+    The moment is the true magnetic moment, divided by the nominal moment. If `is_whole` is true, the recordings show
+    vibrations and creep. Otherwise they show the creep alone, and frequency and loss of each vibration are stored in
+    the dictionary `REDUCED`.
     """
     at_rest = instantaneous_Pa * float(series.long_term)
     HIDDEN.append(np.log([at_rest, *(series.g / series.long_term), *series.tau_s, 1.0]))
@@ -199,11 +199,10 @@ HIDDEN: list[np.ndarray] = []
 
 
 def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
-    """Return the known vibration of a recording instead of fitting it: the recorded positions show the creep alone.
+    """Return the vibration of a simulated recording from its known frequency and loss, so that no fit is needed.
 
-    A fit calls this function in place of `decay_of`. The simulation of the recording has stored frequency and loss in
-    `REDUCED`, by ``label``. As in `decay_of`, the vibration is used from an amplitude of 5 % of the beam's length down
-    to 0.4 times the noise of a position.
+    A fit calls this function in place of `decay_of`, to save time. ``label`` is the name of the recording. The
+    vibration is used from an amplitude of 5 % of the beam's length down to 0.4 times the noise of a position.
     """
     mode = REDUCED[label]
     decays_per_s = -mode.rate.real
@@ -220,11 +219,10 @@ def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
 
 @contextmanager
 def reduced() -> Iterator[None]:
-    """While the `with` block runs, make fits with the last three simplifications that the module lists.
+    """While the `with` block runs, simplify all fits, so that they take less time.
 
-    The vibrations of the recordings are known and not fitted. Only two terms are fitted, and the fit starts at the
-    hidden law. The steps that the table does not need, such as a fit without a prior on the magnetic moment, are left
-    out.
+    The vibrations of the recordings are known and not fitted. A Prony series of two terms is fitted, and the fit starts
+    at the hidden law. Steps that do not change this fit are left out.
     """
     draw, last = law_of_time.drawn, np.zeros((0, 0))
 
@@ -254,7 +252,7 @@ def reduced() -> Iterator[None]:
 
 
 class KeptTable(RingTable):
-    """A table of frequencies that computes the effects of the uncertain inputs only once, and then keeps them."""
+    """A table of frequencies that computes the effects of uncertain inputs on the frequencies only once."""
 
     def effects(self, sources: Any) -> Any:
         if not hasattr(self, "_effects"):
@@ -335,7 +333,7 @@ def tables_shared(store: Path) -> Iterator[None]:
 def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
     """Draw a hidden material from a seed, simulate a measurement of it, and fit the measurement.
 
-    is_whole: whether the recordings show the vibrations; otherwise they show the creep alone.
+    If `is_whole` is true, the recordings show vibrations and creep; otherwise they show the creep alone.
 
     Returns
     -------
@@ -400,7 +398,7 @@ def table_of(outcomes: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Fit hidden materials that are not in the file yet, and print the table of all materials in the file."""
+    """Simulate and fit materials that are not in the output file yet, and print the table of all materials in it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=500, help="number of hidden materials in the file at the end")
     parser.add_argument("--first", type=int, default=1, help="seed of the first material")

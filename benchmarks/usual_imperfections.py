@@ -58,14 +58,14 @@ FINE = np.linspace(LOG_MODULI[0], LOG_MODULI[-1], 3201)
 
 @cache
 def nominal(specimen: Specimen) -> tuple[BeamModel, Shapes]:
-    """Return the nominal beam model of a specimen, and the bent shapes of the beam for all moduli of `LOG_MODULI`."""
+    """Return the nominal beam model of a specimen, and the bent shapes of this beam for 21 moduli."""
     model = BeamModel(specimen, ALONG, ACROSS, specimen.planar_section)
     moduli = COORDINATES["neo-hookean"][0] * np.exp(LOG_MODULI)
     return model, model.solve(LAWS["neo-hookean"], moduli[:, None], Loads.along(FIELD_MT), tolerance_mm=1e-3)
 
 
 def logarithm(case: Case) -> float:
-    """Fit one experiment quickly, and return ln(identified modulus / true modulus)."""
+    """Fit one experiment without simulating its own beam, and return ln(identified / true modulus)."""
     rng = np.random.default_rng([case.seed, case.number])
     observed = measured(case, deviations_drawn(rng, case.stated), rng).observed
     model, shapes = nominal(case.specimen)
@@ -75,18 +75,15 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the group of an experiment: the dimensions of the beam in mm, as a text, and the noise of the edges in mm.
-
-    The intervals of all quick fits in one group have the same relative width, the mean width of its full fits.
-    """
+    """Return the group of an experiment: the dimensions of its beam (mm, as a text) and the noise of its edges (mm)."""
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean relative interval of each group of experiments, from the full fits (made as by `eimi fit`).
+    """Return the mean 95 % interval of the modulus in each group of experiments, relative to the modulus.
 
-    The key of a group is the result of `kind`: the dimensions of the beam and the noise. The value has the mean of
-    ln(lower end / identified modulus) and the mean of ln(upper end / identified modulus) over the fits of the group.
+    A group has the same dimensions of the beam (as a text) and the same noise (mm), which are its key. The value
+    consists of the mean of ln(lower end / modulus) and the mean of ln(upper end / modulus) over the fits `full`.
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
@@ -96,9 +93,9 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment quickly, and return its outcome with the mean interval of its group in place of its own.
+    """Fit one experiment without simulating its own beam, and return the modulus with a 95 % interval.
 
-    ends: the mean intervals of the groups, as `mean_ends` returns them.
+    The interval has the mean relative width of the full fits with the same beam and noise, which `ends` contains.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
@@ -116,7 +113,7 @@ def width(o: Outcome) -> float:
 
 
 def main() -> None:
-    """Print the coverage of the intervals of quick and of full fits, and the differences between the two kinds."""
+    """Print how many 95 % intervals contain the true modulus, and compare the full fits with the simplified fits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--full", type=int, default=24, help="number of experiments that are fitted in full")

@@ -43,8 +43,8 @@ class Assumptions:
         The fitted values of the freed nuisances (uncertain inputs that were fitted together with the law); None if no
         input was fitted.
     deviations : mapping of str to ndarray, shape (d,)
-        For each freed nuisance that changes the specimen, the loads or the lens, by its name: the deviations of its d
-        quantities from the values in the input files.
+        How far the freed nuisances that change the specimen, the loads or the lens deviate from the input files. The
+        key is the name of the nuisance. Each has d numbers, such as the two coordinates of a place.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -69,7 +69,7 @@ class Assumptions:
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Simulate P candidates of a law, and compare each simulation with the measurements of an experiment.
+        """Simulate P candidates (sets of parameters) of a law, and compare them with measurements.
 
         Parameters
         ----------
@@ -78,7 +78,7 @@ class Assumptions:
         parameters : ndarray, shape (P, n)
             The n parameters of the law for each candidate.
         experiment : Experiment
-            The experiment that `applied` returns.
+            Beam model, loads and measurements, with the fitted values of the uncertain inputs (see `applied`).
         keep : bool
             Whether the result also contains the solved shapes of the beam, from which a later simulation can start.
         """

@@ -7,7 +7,7 @@ CMA-ES is deterministic: with the same seed and the same objectives it proposes 
 therefore proposes the logged candidates again, and reads their objectives instead of computing them. Numbers are
 written with all their digits, so that the resumed search continues exactly as without the interruption. Processors of
 another kind round differently in the last digit. The numbers of a repeated generation may therefore differ from the
-logged numbers by a fraction of at most `_SAME`. An incomplete line is skipped, and the generation of this line is
+logged numbers by one millionth. An incomplete line is skipped, and the generation of this line is
 computed again.
 """
 
@@ -84,7 +84,7 @@ class Checkpoint:
     path : Path
         The checkpoint file.
     head : Head
-        The first line that the current inputs give.
+        Laws, data, options and versions of the fits: the first line of the file.
     resume : bool
         Whether to continue an existing file.
     force : bool

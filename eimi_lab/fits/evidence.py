@@ -393,9 +393,9 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a sentence if the lens shows perspective but the calibration does not give its distance from the beam.
+    """Return a warning if the edges show perspective, and the calibration does not give the distance of the lens.
 
-    The result is a tuple with this doubt (reason to distrust the fit); it is empty if the edges show no perspective.
+    The result is a tuple with this sentence, or an empty tuple.
     """
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:

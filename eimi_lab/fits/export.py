@@ -22,7 +22,7 @@ AnyFit = FitRecord | TensileRecord | RingDownRecord
 
 
 def check_solver(solver: str) -> str:
-    """Return the name of a finite-element program unchanged. Raises InputError if there is no card for the program."""
+    """Return the name of a finite-element program unchanged. Raises InputError if no fit can be written for it."""
     if solver not in SOLVERS:
         raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
     return solver

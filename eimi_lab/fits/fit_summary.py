@@ -42,8 +42,8 @@ def remarks(fit: FitRecord) -> list[str]:
 def _grade_lines(fit: FitRecord) -> list[str]:
     """Return one line with the grade of a fit: how well the data and the checks support the fit.
 
-    The line gives the reason for the grade only if the fit has no doubts (reasons to distrust the fit). Doubts are
-    printed by `_doubts`.
+    The line gives the reason for the grade only if the fit has no doubts (reasons to distrust the fit), because doubts
+    are printed elsewhere.
     """
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]

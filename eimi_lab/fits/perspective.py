@@ -77,11 +77,11 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return how much the beam appears wider for each mm from the optical axis: the coefficient b of this module.
+    """Return how much the beam appears wider for each mm from the optical axis, by a linear fit.
 
     `profiles` has the shape (K, 3, m) for K states and m stations (places along the beam). Its second axis contains the
-    apparent width, the distance from the optical axis (a_left + a_right) and the curvature. The mean of each station
-    over the states is subtracted, because the width w₀ of each station is free.
+    apparent width, the sum of the distances of both edges from the optical axis, and the curvature. At each station,
+    only changes between the states count, so that an irregular width of the beam has no influence.
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
@@ -90,8 +90,8 @@ def _slope(profiles: Array) -> float:
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
     """Return three profiles of the beam in state k at m stations (places along the beam), shape (3, m).
 
-    The rows are the apparent width w (mm), the distance a = a_left + a_right of both edges from the optical axis (mm),
-    and the curvature κ (1/mm).
+    The rows are the apparent width (mm), the sum of the distances of both edges from the optical axis (mm), and the
+    curvature (1/mm).
     """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)

@@ -1,7 +1,8 @@
 """Plan the next run: choose states, mounting and specimen for a goal, within the limits of a rig.
 
-The mathematics is in `eimi_fitting.inference.planning.design_of_experiment`. A mounting is a specimen with the
-direction of gravity, the weight at the tip and the signs of the current.
+A mounting is the specimen together with the conditions that stay the same during a run: the direction of gravity, the
+weight at the tip, and whether both signs of the current are used. The mathematics is in
+`eimi_fitting.inference.planning.design_of_experiment`.
 """
 
 from __future__ import annotations
@@ -84,7 +85,8 @@ class Mounting:
 class PlannedRun:
     """The chosen states of a run in one mounting, compared with the same number of equally spaced states.
 
-    A mounting is a specimen with the direction of gravity, the weight at the tip and the signs of the current.
+    A mounting is a specimen, the direction of gravity, the weight at the tip, and whether both signs of the current are
+    used.
 
     Attributes
     ----------
@@ -219,7 +221,8 @@ def mountings(
 def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
     """Choose the best states for a goal in each mounting.
 
-    A mounting is a specimen with the direction of gravity, the weight at the tip and the signs of the current.
+    A mounting is a specimen, the direction of gravity, the weight at the tip, and whether both signs of the current are
+    used.
 
     Parameters
     ----------

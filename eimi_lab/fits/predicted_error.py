@@ -164,10 +164,11 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of an input of a dataset in D draws (random samples) of a fit, shape (D,).
+    """Return the deviations of an uncertain input in the D draws (random samples) of a fit, shape (D,).
 
-    The input is the number `part` of the source of uncertainty `stated`. The deviations are divided by the standard
-    uncertainty. None is returned if the data of the fit do not share this source of uncertainty with the dataset.
+    They are used again for a dataset that has this error in common with the data of the fit, for example because the
+    same coil was used. The result is None if the error is not in common. `stated` is the source of uncertainty, and
+    `part` the index of a number in it. The deviations are divided by the standard uncertainty.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

@@ -46,7 +46,7 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
     Raises
     ------
     InputError
-        If the law was fitted to this dataset with another section assumption.
+        If the law was fitted to this dataset with another model of the cross-section.
     """
     (prediction,) = predict([(FittedLaw(path, index, fit), evidence)])
     return prediction.validation

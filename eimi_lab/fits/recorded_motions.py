@@ -44,7 +44,7 @@ class MotionEvidence:
     stated : tuple of StatedSource
         The sources of uncertainty that the input files specify.
     taken_as_exact : tuple of str
-        Keys for which the input files give no uncertainty.
+        Names of the inputs for which the input files give no uncertainty.
     has_states : bool
         Whether the dataset also holds static states.
     has_recording : bool

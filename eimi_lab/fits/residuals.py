@@ -101,7 +101,7 @@ class Residuals:
     def plot(self) -> Any:
         """Return a matplotlib figure of the distances of measured from simulated points against the arc length.
 
-        There is one set of axes for each entry of `edge`, and a line for each state.
+        The left and the right edge (or the components x and y) have separate axes. Each state has a line.
         """
         from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
 

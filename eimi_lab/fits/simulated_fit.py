@@ -134,9 +134,8 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
     """Simulate one fit on a dataset, with the most accurate beam model solved in all states.
 
-    This takes longer than `simulate_each`, which interpolates between a few states, but is not accurate for every fit.
-    Raises InputError if the law was fitted to this dataset with another section assumption (model of the
-    cross-section).
+    This takes longer than `simulate_each`, whose interpolation between a few states is not accurate enough for some
+    fits. Raises InputError if the law was fitted to this dataset with another model of the cross-section.
     """
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
     prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")

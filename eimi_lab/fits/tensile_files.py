@@ -88,7 +88,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
     Raises
     ------
     InputError
-        If the file cannot be read, or if fewer than five rows are in the window.
+        If the file cannot be read, or if this part has fewer than five rows.
     """
     test = read_tensile(path)
     inside = test.strain <= (float("inf") if percent is None else percent / 100)

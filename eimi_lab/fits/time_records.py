@@ -45,7 +45,7 @@ class RingDownRecord(LawRecord):
     datasets : tuple of MotionReference
         The datasets with the ring-downs.
     taken_as_exact : tuple of str
-        Keys for which the input files give no uncertainty.
+        Names of the inputs for which the input files give no uncertainty.
     seed : int
         Seed of the random numbers of the fit.
     """

@@ -33,7 +33,8 @@ def by_dataset(validations: Sequence[Validation]) -> list[str]:
 def by_state(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table for each dataset, with a row for each state and a column for each fit.
 
-    Each cell gives error ± deviation in µm. Fits for which the beam has no equilibrium have no column.
+    Each cell gives the root mean square and, after "±", the standard deviation of the distances between measured and
+    simulated edges, in µm. Fits for which the beam has no equilibrium have no column.
     """
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):

@@ -84,9 +84,8 @@ def _lost(findings: Findings, key: str, section: str) -> str:
     """Return a text about the laws fitted to bending with which some simulated beam has no equilibrium.
 
     For each such law, the text names the types of specimen without equilibrium, and the stretch up to which the law is
-    stable. Only types of specimen to which no law was fitted are considered, without type 4 if there is another. `key`
-    names the material, and `section` the model of the cross-section. The text is empty if all beams have an
-    equilibrium.
+    stable. Only types to which no law was fitted and which do not twist are considered. `key` names the material, and
+    `section` the model of the cross-section. The text is empty if all beams have an equilibrium.
     """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):

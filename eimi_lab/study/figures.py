@@ -35,11 +35,11 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return which of the laws fitted to the tensile curve of a material has the smallest errors.
+    """Return the index of the best law for a material, of those fitted to its tensile curve.
 
-    The result is the index of the law in the list that `Findings.routes` returns. The mean errors of a law are added
-    over the types of specimen to which no law was fitted. Type 4 is left out because it twists, unless it is the only
-    such type. `key` is the material, and `section` the model of the cross-section.
+    The index is the place in `findings.routes(key, section)`. The best law has the smallest sum of mean errors on those
+    specimens to which no law was fitted and which do not twist. `key` is the material, and `section` the model of the
+    cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)

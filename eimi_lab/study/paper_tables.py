@@ -67,7 +67,10 @@ def all_tables(findings: Findings) -> list[Table]:
 
 
 def searches(findings: Findings) -> Table:
-    """Return a table like table 4 of Di Lecce et al. 2022: the number of evaluations and the error of each search."""
+    """Return a table like table 4 of Di Lecce et al. 2022, with a row for each fit of a law to bending.
+
+    A row gives the number of evaluations of the search for the parameters, and the error of the fit.
+    """
     rows = [
         (
             MATERIALS[key].name,

@@ -12,10 +12,9 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel's area that is inside a polygon.
 
     The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
-    the borders of the pixels. Each piece contributes the area to its right in its row of pixels: a part of its own
-    pixel, and from each pixel further to the right a share equal to the height of the piece. A cumulative sum along
-    the row adds these contributions. Upward and downward pieces have opposite signs. To the right of the polygon their
-    contributions cancel, so that only the inside of the polygon remains.
+    the borders of the pixels. For each piece, the area to its right in its row of pixels is added. This area has a plus
+    sign for upward pieces and a minus sign for downward pieces (or the other way round). To the right of the polygon
+    the areas cancel, so that only the inside of the polygon remains.
 
     Parameters
     ----------

@@ -64,9 +64,10 @@ class Stiffness:
 def stiffness_of_solid(
     specimen: Specimen, law: str, values: tuple[float, ...], mesh: tuple[int, int, int]
 ) -> Stiffness:
-    """Return the stiffness of a rod whose tip rotates like the tip of the solid beam under torques and under a force.
+    """Return the stiffness of a rod whose tip rotates like the tip of the solid beam under loads at the tip.
 
-    The torques and the force act at the tip. Without a magnet only the force is used, and the rod does not soften.
+    The loads are a small force, a small torque and a large torque. The large torque shows how much the bent beam
+    softens. A beam without a magnet is loaded with the force only, and its rod gets no softening.
 
     Parameters
     ----------
@@ -127,7 +128,8 @@ def stiffness_of_solid(
 def _by_strain(law: Law, parameters: Array) -> float:
     """Return the relative change of a beam's bending stiffness for a small tensile strain, divided by the strain.
 
-    The modulus for further strain changes, and the section becomes thinner. -3 for a neo-Hookean material.
+    It has two causes: the tangent modulus changes, and the cross-section becomes thinner. The result is -3 for a
+    neo-Hookean material.
     """
     pulled, pushed = engineering_stress(law, parameters, np.array([_STRAIN, -_STRAIN]))
     return float(2 * (pulled + pushed) / (pulled - pushed) / _STRAIN - 1)
@@ -241,9 +243,10 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic forces on the n coordinates, each divided by its stiffness, for the coordinates z, (n,).
+        """Return the elastic forces on the n coordinates z, shape (n,), each divided by its stiffness.
 
-        The result is z itself, but for the softening of the bent rod and for the effect of the stretch on bending.
+        For a linear rod the result would be z. It differs from z because a strongly bent rod softens, and because
+        stretch and bending influence each other.
         """
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]

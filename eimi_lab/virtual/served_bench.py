@@ -42,11 +42,11 @@ _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
 
 
 def port_of(address: str) -> int | None:
-    """Return the TCP port on which the instrument with an address is served; None for a pseudo-terminal.
+    """Return the TCP port at which other programs can reach an emulated instrument; None for a pseudo-terminal.
 
-    `address` is the address of a real instrument in the rig file. An address on this computer is served on its own
-    port. An instrument on the network, on GPIB or on USB is served on any free port, and the result is 0. An instrument
-    on a serial port is served on a pseudo-terminal or, on Windows, also on any free port.
+    `address` is the address of the real instrument in the rig file. If it is a port of this computer, the result is
+    this port. For an instrument on the network, on GPIB or on USB the result is 0, which means any free port. For an
+    instrument on a serial port the result is None or, on Windows, 0.
     """
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):
@@ -135,7 +135,7 @@ class ServedBench:
         InstrumentError
             If an instrument has no emulator, a port is in use, or the library Aravis is not installed.
         InputError
-            If the rig file exists and may not be replaced.
+            If the rig file to write for the client exists and may not be replaced.
         """
         rig, virtual = self._rig, self._rig.virtual
         assert virtual is not None
