@@ -2,7 +2,7 @@
 
 checks                the comparison of the residuals with the noise and with the deflection
 causes                the probability of each possible cause of the residuals
-weighing              the comparison of the hypotheses about the causes, with simulations of the probable ones
+weighing              the comparison of the hypotheses (sets of causes), with simulations of the probable ones
 cause_doubts          the doubt that names the most probable cause
 named_error           the intervals of a fit if the most probable causes of the residuals are not noise
 collinear_causes      groups of causes that change the residuals so alike that the data do not decide between them

@@ -43,11 +43,12 @@ nearly the same signature share their probability equally (`inference.doubts.col
 The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
 along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
 only in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from
-the linear model is added to r (Gauss-Newton). Two errors of the simulation are added to the noise under every
-hypothesis: the errors that remain after the corrections by better models, and 1 per cent of each change of the
-residuals under the most probable hypothesis. These errors are smooth along an edge and alike in states of similar
-loads, as d is. Independent errors would be too small on average over many states, and a second cause would then explain
-the rest with a probability near one.
+the linear model is added to r (Gauss-Newton). The simulation has two errors, which are added to the noise under every
+hypothesis. One is the error that remains after the corrections by better models. The other is 1 per cent of the effect
+of each dx, s_a and deviation of an input on the residuals, with the values of the most probable hypothesis. These
+errors are smooth along an edge and alike in states of similar loads, as d is. If they were assumed independent from
+state to state, they would be too small on average over many states, and a second cause would then explain the rest with
+a probability near one.
 """
 
 from __future__ import annotations
@@ -88,8 +89,8 @@ class Cause:
     probability : float
         Probability that the cause is present.
     value : float
-        Expected amplitude of the cause in ``unit`` if the cause is present. If the cause has several amplitudes, the
-        root of the sum of the squared amplitudes, with the sign of the largest amplitude. Zero for ``"none"``.
+        Expected amplitude (size) of the cause in ``unit`` if the cause is present. If the cause has several amplitudes,
+        the root of the sum of the squared amplitudes, with the sign of the largest amplitude. Zero for ``"none"``.
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
@@ -100,6 +101,8 @@ class Cause:
     like : tuple of str
         Names of other causes that change the residuals in nearly the same way. The residuals do not distinguish these
         causes from the cause ``name``.
+    is_within_stated : bool
+        Whether the value is at most two standard uncertainties of the inputs, as files state them.
     """
 
     name: str
@@ -262,9 +265,9 @@ def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the most probable hypotheses: as few as have a probability of 0.95 together.
+    """Return the indices of the most probable sets of causes: as few as have a probability of 0.95 together.
 
-    ``probability`` has the probability of each of H hypotheses, (H,).
+    ``probability`` has the probabilities of H hypotheses (sets of possible errors of the bench), (H,).
     """
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

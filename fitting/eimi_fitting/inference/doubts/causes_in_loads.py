@@ -42,8 +42,8 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
     """Return the loads of a beam that softens in proportion to time, with equal time between states.
 
-    A softer beam bends as under larger loads. The loads are therefore increased. The only amplitude is the share of the
-    stiffness that is lost between the first and the last state.
+    A softer beam bends as under larger loads. The loads are therefore increased. ``amplitudes`` has one number: the
+    share of the stiffness that is lost between the first and the last state.
     """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
@@ -67,10 +67,10 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads of a beam that is softer in all states after a decrease of the load (hysteresis).
+    """Return larger loads in all states after a decrease of the load (hysteresis).
 
-    A softer beam bends as under larger loads. The loads of these states are therefore increased. The only amplitude is
-    the share of the stiffness that is missing in these states.
+    The beam is assumed softer in these states, and bends as under larger loads. ``amplitudes`` has one number: the
+    share of the stiffness that is missing in these states.
     """
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
@@ -78,10 +78,10 @@ def _lagging(loads: Loads, amplitudes: Array) -> Loads:
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
     """Return the loads with a field whose strength varies in space, linearly and quadratically.
 
-    A gradient is the relative change of the field strength per metre. The first two amplitudes are the gradients along
-    and across the straight beam. The third amplitude describes the quadratic change along the axis of the coil. It is
-    the gradient at a distance of 10 mm, along this axis, from the position of the magnet at rest; at this position
-    itself, the quadratic change has no gradient.
+    A gradient is the relative change of the field strength per metre. ``amplitudes`` has three gradients. The first two
+    belong to the linear change, along and across the straight beam. The third describes the quadratic change along the
+    axis of the coil: it is the gradient at a distance of 10 mm, along this axis, from the position of the magnet at
+    rest. At this position itself, the quadratic change has no gradient.
     """
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 

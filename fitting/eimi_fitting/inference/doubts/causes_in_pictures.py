@@ -33,9 +33,9 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
         the displacements of these positions by the error in mm, (..., 2). The displacement of the clamp is subtracted
         from them, because positions are measured from the clamp.
     shift : int, optional
-        Index of the first of two amplitudes that are a shift of all points in x and y, in mm. If the position of the
-        clamp was measured in another picture, the error has not displaced this position. The free shift then replaces
-        the displacement that was subtracted.
+        Index of the first of two further amplitudes: a shift of all points in x and y, in mm. This shift is needed if
+        the position of the clamp was measured in another picture. The error has not displaced it there, so that its
+        displacement should not be subtracted.
 
     Returns
     -------
@@ -101,10 +101,10 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera in degrees.
+    """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera.
 
-    A positive first tilt brings the points at larger x nearer to the camera, and a positive second tilt the points at
-    larger y.
+    ``amplitudes`` has both tilts in degrees. A positive first tilt brings the points at larger x nearer to the camera,
+    and a positive second tilt the points at larger y.
     """
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
@@ -114,7 +114,7 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm, (..., 2), of positions (x, y) in mm if the beam is farther from the camera.
 
-    The first of ``amplitudes`` is the distance in mm of the beam behind the plane of the calibration.
+    The first number of ``amplitudes`` is the distance in mm of the beam behind the plane of the calibration.
     """
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
     """Return the assumptions of a fit, in which the width of the beam varies along the beam.
 
-    The two amplitudes in mm are the change of the width from the clamp to the end of the flexible part, and the width
-    at both ends minus the width in the middle.
+    ``amplitudes`` has two numbers in mm: the change of the width from the clamp to the end of the flexible part, and
+    the width at both ends minus the width in the middle.
     """
     assumed = by_sources({("taper", 0): 1.0})(assumed, amplitudes[:1])
     if not amplitudes[1]:
@@ -36,8 +36,8 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
     """Return the assumptions of a fit, in which the measured edges are corrected for a twist of the beam.
 
-    The magnet twists the beam if its moment points out of the plane of the picture. The only amplitude is the angle
-    between moment and plane in degrees.
+    The magnet twists the beam if its moment points out of the plane of the picture. ``amplitudes`` has one number: the
+    angle between moment and plane in degrees.
     """
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
@@ -54,7 +54,7 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
     """Return the assumptions of a fit, in which the strain energy has two more terms: (I1 - 3)^2 and I2 - 3.
 
-    The two amplitudes are the coefficients of the terms as shares of the initial shear modulus. The initial shear
+    ``amplitudes`` has the coefficients of the two terms, as shares of the initial shear modulus. The initial shear
     modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
     """
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():

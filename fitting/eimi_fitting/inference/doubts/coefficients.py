@@ -1,7 +1,8 @@
 """Collect the coefficients of all hypotheses about the causes of residuals, and how each of them changes the data.
 
-A coefficient is an unknown number of the model in `inference.doubts.causes`, such as the size of a cause. The data are
-the residuals, described by polynomials along each edge (`inference.doubts.edge_coefficients`).
+A cause is a possible error of the bench, and a hypothesis is a set of causes. Its model (`inference.doubts.causes`) has
+unknown numbers, the coefficients, such as the size of a cause. The data describe the residuals by polynomials along
+each edge (`inference.doubts.edge_coefficients`).
 """
 
 from __future__ import annotations
@@ -26,21 +27,23 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The C coefficients of all hypotheses, and how each of them changes the N data.
+    """The C coefficients (unknown numbers) of all hypotheses, and how each of them changes the N data.
 
-    The coefficients are numbered in four blocks, in this order: changes of the law, deviations of inputs, remaining
-    errors of the corrections by better beam models, and amplitudes of causes (possible errors of the bench). The number
-    of a coefficient is its row.
+    A hypothesis is a set of causes (possible errors of the bench). The data describe the residuals by polynomials along
+    each edge. The coefficients are numbered in four blocks, in this order: changes of the law, deviations of inputs,
+    remaining errors of the corrections by better beam models, and amplitudes (sizes) of causes. Only the fourth block
+    depends on the causes of a hypothesis. The third block is not simulated.
 
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change of the N data in mm by one prior standard deviation of each coefficient. The last row is zero.
+        Change of the N data in mm by one prior standard deviation of each coefficient. The last row is zero; its index
+        stands for "no coefficient".
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each coefficient; 1 for the last row.
     law, simulated, common : int
-        Number of coefficients in the first block (``law``), in the first two blocks, whose effect can be simulated
-        (``simulated``), and in the first three blocks, which all hypotheses have in common (``common``).
+        Number of coefficients in the first block (``law``), in the first two blocks (``simulated``), and in the first
+        three blocks (``common``).
     of_inputs, of_causes : list of list of int
         Row indices of the coefficients of each uncertain input and of each cause.
     columns : list of Column
@@ -69,12 +72,15 @@ class Coefficients:
     ) -> Coefficients:
         """Collect the coefficients of all hypotheses about a fit, with their effects and prior standard deviations.
 
+        A hypothesis is a set of causes (possible errors of the bench). A coefficient is an unknown number, such as the
+        size of a cause.
+
         Parameters
         ----------
         about : About
-            The optimum of the fit, with the slopes of the law.
+            The optimum of the fit, with the derivatives of the residuals.
         project : Projection
-            The map from residuals to data.
+            The map from residuals to polynomials along each edge.
         effects : sequence of Effect
             The corrections by better beam models.
         stated, columns_by_cause : mapping of PossibleCause to sequence of Column
@@ -114,14 +120,14 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the amplitude that belongs to the coefficient with the number ``row``: of an input or of a cause."""
+        """Return the amplitude (the size of a cause, or of an input's deviation) that is coefficient number ``row``."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive numbers for the amplitudes of several inputs or causes: one list for each input or cause.
+    """Assign numbers to the amplitudes of inputs or causes, and return one list for each input or cause.
 
-    ``columns`` has the amplitudes of each of them. The first number is ``first``.
+    ``columns`` has the amplitudes of each input or cause. The numbers are consecutive and begin with ``first``.
     """
     blocks = []
     for some in columns:

@@ -1,9 +1,9 @@
 """Find the inputs whose deviations from the stated values can be recognised in the residuals.
 
-Only deviations within the uncertainties that the files state are sought here. Every hypothesis about the causes of the
-residuals contains them (`inference.doubts.stated_inputs`), so that they may explain the residuals without any further
-cause (error of the bench). An input may nevertheless deviate by two standard uncertainties, and the residuals may show
-which input it is.
+Only deviations within the uncertainties that the files state are sought here. A hypothesis about the residuals is a set
+of causes (errors of the bench). Every hypothesis contains these deviations as well (`inference.doubts.stated_inputs`),
+so that they may explain the residuals without any cause. An input may nevertheless deviate by two standard
+uncertainties, and the residuals may show which input it is.
 
 To test an input, the causes are weighed again with this input at its exact stated value, while the others stay
 uncertain. If the most probable cause is then the deviation of this input, the deviation is reported. An error of the
@@ -44,7 +44,8 @@ class Deviation:
         Size of the deviation in the unit of the cause. If it has several parts (such as x and y), the root of the sum
         of their squares, with the sign of the largest part.
     moved : float
-        Change of the first unknown of the law by the deviation, in unit coordinates.
+        Change by the deviation of the first unknown of the law, which determines the modulus, in unit coordinates (0 to
+        1).
     like : tuple of int
         Indices of other causes that the residuals do not distinguish from this cause.
     """
@@ -59,14 +60,15 @@ class Deviation:
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
     """Return the deviations of inputs, within their stated uncertainties, that can be recognised in the residuals.
 
-    The key of a deviation is the index of the cause (possible error of the bench) to which the input belongs.
+    The key of a deviation is the index of the cause (possible error of the bench) to which the input belongs. A
+    hypothesis is a set of causes.
 
     Parameters
     ----------
     weighing : Weighing
-        The hypotheses about the causes of the residuals.
+        The hypotheses about the residuals.
     posterior : Posterior
-        Evidence and coefficients of the hypotheses.
+        For each hypothesis, the probability density of the residuals and the sizes of causes and deviations.
     base : int
         Index of the most probable hypothesis. Its causes are not returned.
     """

@@ -34,6 +34,9 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 class Projection:
     """The linear map from residuals to N coefficients of polynomials, with the variances of the coefficients.
 
+    A part of the residuals is neither noise nor the effect of a listed cause (a possible error of the bench). It is
+    called the unexplained part.
+
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
@@ -42,8 +45,7 @@ class Projection:
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
         For each experiment, two orthogonal matrices. The columns of ``over_states`` are K linear combinations of the K
         states, and the columns of ``over_groups`` G linear combinations of the G groups. In these combinations, the
-        coefficients of the unexplained part of the residuals are independent of each other. The unexplained part is
-        neither noise nor the effect of a listed cause.
+        coefficients of the unexplained part are independent of each other.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unexplained part of the size 1 mm
         (``error``).
@@ -74,9 +76,10 @@ class Projection:
     def smooth(self, moves: Array) -> Array:
         """Return the variance of the N coefficients in mm^2, (N,), due to C random errors smooth along each edge.
 
-        ``moves`` (C, N) has the change of the coefficients by each error, in mm. Only the size of an error is used: in
-        each experiment, the root mean square of its changes. A smooth error of the size 1 mm has the known variances
-        ``error``. The result is ``error`` times the sum of the squared sizes.
+        The coefficients describe the residuals by polynomials along each edge. ``moves`` (C, N) has the change of the
+        coefficients by each error, in mm. Only the size of an error is used: the root mean square of its changes in an
+        experiment. ``error`` has the variances for a smooth error of the size 1 mm. The result is ``error`` times the
+        sum of the squared sizes of all errors.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -162,7 +165,7 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 def _over_loads(experiment: Experiment) -> Array:
     """Return how the unexplained residuals of K states are correlated with each other: a correlation matrix (K, K).
 
-    The unexplained residuals are neither noise nor the effect of a listed cause. They are assumed to be similar in
+    These residuals are neither noise nor the effect of a possible error of the bench. They are assumed to be similar in
     two states with similar loads.
     """
     loads = experiment.loads

@@ -40,12 +40,12 @@ class Posterior:
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return the posterior of only some of the hypotheses."""
+        """Return the posterior of only some of the models (hypotheses)."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the posteriors of several groups of hypotheses, one group after the other."""
+        """Join the posteriors of several groups of models (hypotheses), one group after the other."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
@@ -110,10 +110,10 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Separate the coefficients that all H hypotheses have from those that differ.
+    """Separate the coefficients that all H models have from those that differ between the models.
 
-    A row of ``members`` (H, q) has the indices of the coefficients of one hypothesis. The results are the indices of
-    the first c columns, which are equal in all rows, (c,), and the other columns, (H, q - c).
+    A row of ``members`` (H, q) has the indices of the coefficients of one model. The results are the indices of the
+    first c columns, which are equal in all rows, (c,), and the other columns, (H, q - c).
     """
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]

@@ -120,7 +120,7 @@ class PossibleCause:
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
 
-    The function takes the assumptions and the amplitudes of a cause (an error of the bench). ``parts`` has one
+    The function takes the assumptions and the amplitudes (sizes) of a cause, an error of the bench. ``parts`` has one
     dictionary for each amplitude. A key is an uncertain number: a source (a key of `SOURCES`) and the index of the
     number among the parts of this source. Its value is the deviation of the number for an amplitude of 1. Example: with
     an amplitude of 1 mm for a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
@@ -141,9 +141,9 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 def of_source(
     name: str, source: str, sizes: tuple[float, ...], decide_by: str, parts_of: tuple[str, ...] = ()
 ) -> PossibleCause:
-    """Return the cause ``name`` whose amplitudes are the deviations of one source, a key of `SOURCES`.
+    """Return the cause ``name`` (a possible error of the bench) that consists of deviations of one uncertain input.
 
-    For ``sizes``, ``decide_by`` and ``parts_of``, see `PossibleCause`.
+    ``source`` is the input, a key of `SOURCES`. For ``sizes``, ``decide_by`` and ``parts_of``, see `PossibleCause`.
     """
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]

@@ -204,10 +204,10 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Simulate the optimum of a fit, and return it with its residuals and their derivatives (slopes).
+        """Simulate the optimum of a fit, and return it with its residuals and their derivatives in the unknowns.
 
-        A possible cause of the residuals may be an input that the fit has estimated. The derivatives by this input are
-        left out, because only the hypotheses that contain the cause vary the input.
+        An unknown may be an uncertain input whose error is one of ``causes``. The derivatives in this unknown are left
+        out, because such an error is studied as a cause of the residuals.
         """
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
@@ -282,7 +282,7 @@ class About:
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Changes of the l coordinates that vary under every hypothesis (``kept``).
+            Changes of l unknowns (``kept``): the coordinates of the law, and those freed inputs that are no cause.
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
             Amplitudes of each cause, counted from the stated values.
 
@@ -319,9 +319,10 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return law, loads and deviations of inputs that a candidate assumes for one dataset, with a planar model.
+    """Return the law, the loads and the deviations of inputs that a candidate assumes for one dataset.
 
-    ``unit`` has the n unit coordinates (0 to 1) of the candidate, shape (n,).
+    A candidate is a set of values of the unknowns; ``unit`` has its n unit coordinates (0 to 1), shape (n,). The planar
+    model ``model`` replaces the model of the experiment.
     """
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)

@@ -1,8 +1,9 @@
-"""Compute how the inputs with a stated or assumed uncertainty change the residuals of a fit, under every hypothesis.
+"""Compute how the inputs with a stated or assumed uncertainty change the residuals of a fit.
 
-An input with a stated standard uncertainty is uncertain under every hypothesis about the causes of the residuals, as it
-is in the interval of the fit (`inference.interval.considered`). An input that the fit has determined (a freed input) is
-uncertain, too, with the prior of the fit. A deviation of such an input within its uncertainty is no error of the bench.
+A hypothesis about the residuals is a set of possible errors of the bench. An input with a stated standard uncertainty
+is uncertain under every hypothesis, as it is in the interval of the fit (`inference.interval.considered`). An input
+that the fit has determined (a freed input) is uncertain, too, with the prior of the fit. A deviation of such an input
+within its uncertainty is no error of the bench.
 """
 
 from __future__ import annotations

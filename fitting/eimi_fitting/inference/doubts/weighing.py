@@ -1,6 +1,7 @@
 """Compare the hypotheses about the causes of the residuals of a fit, with simulations of the probable hypotheses.
 
-The model and the computation are described in `inference.doubts.causes`.
+A cause is a possible error of the bench, and a hypothesis is a set of causes that are present. The model and the
+computation are described in `inference.doubts.causes`.
 """
 
 from __future__ import annotations
@@ -44,18 +45,19 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 class Exact:
     """The probabilities of causes if some inputs have exactly their stated values.
 
-    One set of causes is taken as present (the base). It is compared with the sets that contain one cause more.
+    A hypothesis is a set of causes (possible errors of the bench). One hypothesis, the base, is compared with the
+    hypotheses that contain one cause more.
 
     Parameters
     ----------
     causes : list of int
-        Indices of the n causes (possible errors of the bench) that do not belong to the base.
+        Indices of the n causes that do not belong to the base.
     probability : ndarray, shape (1 + n,)
         Probability of the base alone, and of the base with each of the n causes.
     posterior : Posterior
-        Evidence and coefficients of these 1 + n hypotheses (sets of causes).
+        For each of these 1 + n hypotheses, the probability density of the residuals and the sizes of its causes.
     classes : list of tuple of int
-        The causes that the residuals do not distinguish, in groups.
+        Groups of causes that the residuals do not distinguish.
     """
 
     causes: list[int]
@@ -68,9 +70,8 @@ class Weighing:
     """The hypotheses about the causes of the residuals, each with a linear Gaussian model.
 
     A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two. Its model has
-    unknown coefficients: the changes of the law, the deviations of the inputs, and the sizes of the causes. All
-    coefficients of all hypotheses are numbered, and a coefficient is called by its number, the row
-    (`Coefficients.rows`).
+    unknown coefficients: the changes of the law, the deviations of the inputs, and the sizes of the causes. The
+    coefficients of all hypotheses are numbered together, in the order of ``Coefficients.rows``.
     """
 
     def __init__(
@@ -108,16 +109,16 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the factor by which each further cause makes a hypothesis less probable a priori."""
+        """Logarithm of the factor by which each further cause makes a set of causes less probable a priori."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of coefficient numbers as one array, with one list in each row.
+        """Return lists of indices of coefficients as one array, with one list in each row.
 
-        Shorter lists are filled up with the number of the last coefficient, which changes nothing.
+        A shorter list is filled up with the index of the last coefficient, which has no effect on the residuals.
         """
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
@@ -125,28 +126,28 @@ class Weighing:
         return members
 
     def shown(self, cause: int) -> int:
-        """Return how many amplitudes of one cause, from the first, enter its reported value (`Cause.value`).
+        """Return the number of amplitudes of one cause that enter its reported value (`Cause.value`).
 
         A cause is a possible error of the bench, and ``cause`` is its index. An amplitude is the size of one part of a
-        cause, such as a shift in x.
+        cause, such as a shift in x. The amplitudes that enter the value are the first ones.
         """
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return a slice of all hypotheses: the hypothesis without a cause, then each hypothesis with only one cause.
+        """Return the slice of all hypotheses with at most one cause: the hypothesis without a cause comes first.
 
-        If files state uncertainties of inputs, every hypothesis exists twice: with exact and with uncertain inputs. The
-        inputs are treated here as in the hypothesis with the index ``best``.
+        A hypothesis is a set of causes (possible errors of the bench). If files state uncertainties of inputs, every
+        hypothesis exists twice: with exact and with uncertain inputs. The slice has the inputs of the hypothesis with
+        the index ``best``.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Group the causes that the residuals do not distinguish, and return the indices of the causes in each group.
+        """Return groups of causes that the residuals do not distinguish, as indices of the causes.
 
         A cause is a possible error of the bench. Such a group is called a class (`inference.doubts.collinear_causes`).
-
         The first cause of each class is the most probable one.
         """
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
@@ -157,11 +158,12 @@ class Weighing:
     def _alike(
         self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
     ) -> list[tuple[int, ...]]:
-        """Put causes that the residuals do not distinguish into classes (groups), and return the indices in each class.
+        """Return groups (classes) of causes that the residuals do not distinguish, as indices of the causes.
 
-        The first row of ``y`` and of ``posterior`` belongs to a hypothesis without the n ``causes``, and each of the
-        next n rows to this hypothesis with one of them. ``y`` (1 + n, N) has the data of these hypotheses (minus the
-        residuals), and ``error_squared`` the mean square of the unexplained error in mm^2.
+        A cause is a possible error of the bench, and a hypothesis is a set of causes. 1 + n hypotheses are compared:
+        one that contains none of the n ``causes``, and n that contain one of them in addition. ``posterior`` belongs to
+        these hypotheses. Row i of ``y`` (1 + n, N) has the N data that hypothesis i explains: minus the residuals.
+        ``error_squared`` is the mean square in mm^2 of the error that no cause explains.
         """
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
@@ -177,13 +179,15 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of the coefficients with the numbers ``rows``."""
+        """Return the prior standard deviations of the coefficients (unknown numbers) with the indices ``rows``."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the numbers of the coefficients of those uncertain inputs that belong to a cause, given by its index.
+        """Return the uncertain inputs that are wrong if a cause is present, as indices of their coefficients.
 
-        An input belongs to a cause if a deviation of the input is the same error as the cause, such as a wrong scale.
+        A cause is a possible error of the bench, and ``cause`` is its index. For the cause "wrong scale", the input is
+        the scale. A coefficient is an unknown number of the model of the residuals; here it is the deviation of an
+        input.
         """
         stated_as = self._causes[cause].stated_as
         return [
@@ -196,7 +200,8 @@ class Weighing:
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
         """Return how strongly some coefficients of a hypothesis change the data, in units of the noise.
 
-        ``base`` is the index of the hypothesis, and ``rows`` are the numbers of the coefficients, which have their
+        A hypothesis is a set of causes (possible errors of the bench); ``base`` is its index. Its coefficients are
+        unknown numbers, such as the size of a cause. ``rows`` are the indices of the coefficients, which have their
         posterior means. The result is the sum of the squared changes of the data, each divided by the variance of the
         datum.
         """
@@ -205,11 +210,12 @@ class Weighing:
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Express deviations of inputs as a cause: return its amplitudes that change the data most similarly.
+        """Return the size of a cause that has nearly the same effect on the residuals as some deviations of inputs.
 
-        ``rows`` are the numbers of the coefficients of the inputs, ``amounts`` the deviations of the inputs, and
-        ``cause`` is the index of the cause. The changes of the data are compared by least squares in units of the
-        noise. Only the amplitudes that enter the reported value of the cause are returned.
+        A cause is a possible error of the bench, and ``cause`` is its index. Its size has one or more amplitudes, such
+        as a shift in x and in y. Only those are returned that enter the reported value of the cause. ``rows`` are the
+        indices of the inputs among all coefficients, and ``amounts`` are their deviations. The difference between the
+        two effects is minimised by least squares, in units of the noise.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
@@ -218,8 +224,9 @@ class Weighing:
     def stated_size(self, cause: int) -> float:
         """Return the standard uncertainty of the size of a cause, as it follows from the files; 0 if no file states it.
 
-        The files state uncertainties of inputs, which are converted to amplitudes of the cause. The result is the root
-        of the sum of the squares of all these amplitudes.
+        A cause is a possible error of the bench, such as a wrong scale, and ``cause`` is its index. The files state
+        uncertainties of inputs. Each of them is converted to the size of the cause that has the same effect on the
+        residuals. The result is the root of the sum of the squares of these sizes.
         """
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
@@ -227,13 +234,14 @@ class Weighing:
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
         """Return how probable each further cause would be if some uncertain inputs had exactly their stated values.
 
+        A hypothesis is a set of causes (possible errors of the bench). One cause at a time is added to a hypothesis.
+
         Parameters
         ----------
         base : int
-            Index of a hypothesis, to which one cause at a time is added. Its simulation is also used for the hypotheses
-            with one cause more.
+            Index of the hypothesis. Its simulation is also used for the hypotheses with one cause more.
         rows : sequence of int
-            Numbers of the coefficients of the inputs that are exact.
+            Indices of the exact inputs among all coefficients.
 
         Returns
         -------
@@ -294,16 +302,15 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return the hypotheses that were not simulated, each with a simulated hypothesis whose residuals it can use.
+        """Return the hypotheses that were not simulated, each with a simulated hypothesis whose simulation it can use.
 
-        A hypothesis is a set of causes (possible errors of the bench). Its residuals are computed by a linear model
-        from the amplitudes (sizes) of the causes. The model is exact only at amplitudes that were simulated. Of two
-        hypotheses that differ by one cause, the simulated one could therefore seem to agree better with the data. To
-        avoid this, a hypothesis that was not simulated uses the simulation of a smaller hypothesis, which has only some
-        of its causes (a part). If several parts were simulated, the most probable one is used.
+        A hypothesis is a set of causes (possible errors of the bench). The residuals under a hypothesis are computed by
+        a linear model, which is exact only where the beam was simulated. A hypothesis with a simulation could therefore
+        seem to agree better with the data than one without. To avoid this, a hypothesis without a simulation uses the
+        simulation of a part: a hypothesis that has only some of its causes. The most probable simulated part is used.
 
-        A part must contain every cause of the hypothesis that the fit has taken into account, because the shape at rest
-        would differ without such a cause.
+        A part must contain every measured cause of the hypothesis, such as a measured taper of the width, because the
+        shape at rest would differ without it.
 
         Parameters
         ----------
@@ -333,22 +340,23 @@ class Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance of N coefficients in mm^2, shape (N,), due to errors of the simulation.
+        """Return the variance of the N data in mm^2, shape (N,), due to errors of the simulation.
 
-        The coefficients describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`).
-        Two errors are counted. One is the error that remains after the corrections by better beam models. The other is
-        an error of 1 per cent in the computed effects of the C most probable causes (errors of the bench). Row c of
-        ``moves``, shape (C, N) in mm, has the changes of the coefficients that cause c makes.
+        The data describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`). Two
+        errors are counted. One is the error that remains after the corrections by better beam models. The other is an
+        error of 1 per cent in each simulated change of the data. ``moves``, shape (C, N) in mm, has one row for each of
+        these changes: the effect of a change of the law, of an input or of an error of the bench.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return how badly a hypothesis explains the residuals: the mean square of the rest, in units of the noise.
+        """Return how badly a set of errors of the bench explains the residuals: the mean square of the rest.
 
-        About 1 means that only noise is left. ``y`` has the coefficients in mm that describe minus the residuals by
-        polynomials along each edge (`inference.doubts.edge_coefficients`). ``amplitudes`` has the changes of the law
-        and the sizes of the errors of the bench; in the linear model they explain a part of ``y``.
+        The rest is divided by the noise, so that a result of about 1 means that only noise is left. ``y`` has the
+        coefficients in mm that describe minus the residuals by polynomials along each edge
+        (`inference.doubts.edge_coefficients`). ``amplitudes`` has the changes of the law and the sizes of the errors;
+        in the linear model they explain a part of ``y``.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 

@@ -1,7 +1,7 @@
 """Correct the residuals of a fit by a better beam model, which is solved at the optimum only.
 
-Let r(x) be the residuals of the model of the search for the unknowns x, R(x) the residuals of the better model, and x_0
-the optimum of r. The fit is repeated with the residuals
+Let r(x) be the residuals for the unknowns x, computed with the model that the search uses. R(x) are the residuals of
+the better model, and x_0 is the optimum of r. The fit is repeated with the residuals
 
     r(x) + R(x_0) - r(x_0)
 
@@ -279,11 +279,12 @@ def by_better_model(
     Returns
     -------
     tuple or None
-        Three elements: the residuals of the better model, the edges of the beam, and the correction. The edges have the
-        shape (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm. If the finer mesh
-        of a planar section finds no equilibrium, residuals and edges belong to the mesh of the experiment, and the
-        third element is None. None replaces the tuple if the model of the experiment or a three-dimensional model finds
-        no equilibrium.
+        The residuals of the better model, the edges of the beam, and the correction. The edges have the shape
+        (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm.
+
+        If a finer mesh finds no equilibrium, the residuals and edges of the mesh of the experiment are returned, with
+        None as correction. If a three-dimensional model or the model of the experiment finds no equilibrium, the result
+        is None.
     """
     if here.unconverged[0]:
         return None

@@ -66,12 +66,12 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates has no equilibrium in at least one state, shape (P,)."""
+        """Whether each of P candidates (values of the unknowns) has no equilibrium in at least one state, (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the law of each of P candidates is unstable in at least one state, (P,).
+        """Whether the law of each of P candidates (values of the unknowns) is unstable in at least one state, (P,).
 
         False for a candidate without an equilibrium in one of the states.
         """
@@ -79,19 +79,20 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """The residuals of all evidence except the edges, each divided by its standard deviation, for P candidates.
+        """The residuals of all evidence except the edges, each divided by its standard deviation.
 
-        The shape is (P, m + f + q): m rows of tensile curves, f freed inputs (which the fit determines together with
-        the law), and q priors on the law's parameters.
+        The shape is (P, m + f + q) for P candidates (sets of values of the unknowns): m rows of tensile curves, f freed
+        inputs (which the fit determines together with the law), and q priors on the law's parameters.
         """
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of P candidates in mm, which the search makes as small as possible, shape (P,).
+        """The objective in mm, which the search makes as small as possible, for P candidates, shape (P,).
 
-        It is the mean error of edges or tracked points, increased by the residuals of tensile curves and priors. A
-        candidate without an equilibrium or with an unstable law in a state gets a very large number (`DISCARDED_MM`).
+        A candidate is one set of values of the unknowns. Its objective is the mean error of edges or tracked points,
+        increased by the residuals of tensile curves and priors. A candidate without an equilibrium or with an unstable
+        law in a state gets a very large number (`DISCARDED_MM`).
         """
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
@@ -107,9 +108,9 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether the objective of each of P candidates is at its limit, because other evidence contradicts it, (P,).
+        """Whether tensile curves and priors contradict a candidate so strongly that its objective is cut off, (P,).
 
-        The other evidence is tensile curves and priors. The objective of a valid candidate is limited to 0.99 of the
+        A candidate is one set of values of the unknowns. The objective of a valid candidate is cut off at 0.99 of the
         objective of an invalid candidate (`DISCARDED_MM`).
         """
         return self.objective_mm == _MOST_MM
@@ -118,11 +119,14 @@ class Evaluation:
     def misfits(self) -> tuple[Misfit, ...]:
         """Residuals in mm for least squares: one `Misfit` for each experiment, and one for the other evidence.
 
-        The other evidence is the tensile curves, the priors of freed inputs and the priors of the law. Its residuals z
-        are divided by their standard deviations. Least squares need them in mm. They are therefore multiplied by e
-        sqrt(K / N), with the number K of states, the number N of independent points, and the median e of the mean
-        errors of all valid candidates. In the last `Misfit` they form one further state with the error e. Near the
-        optimum, z then has the same weight in least squares as in the objective.
+        The other evidence is the tensile curves, the priors of freed inputs (which the fit determines) and the priors
+        of the law. Its standardised residuals z have no unit. They are converted to
+
+            r = e sqrt(K / N) z   in mm
+
+        with the number K of states and the number N of independent points of the edges. e is the mean error of the
+        states in mm, as the median over all valid candidates. The last `Misfit` has the residuals r as one further
+        state, with the error e. Near the optimum, z then has the same weight in least squares as in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -1,11 +1,13 @@
 """Normal priors on the parameters of a hyperelastic law.
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
-Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The weight of the edges against the
-prior depends only on the noise of the edges. A wrong input, such as a wrong width of the beam, also changes the modulus
-that the edges give. If the input keeps its stated value in the fit, this weight ignores a possible error of the input.
-Therefore, free an input whose error may have a larger effect than the noise (let the fit determine it together with the
-law). The prior then also helps to determine the input.
+Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The noise of the edges determines
+how much the edges count against the prior.
+
+A wrong input, such as a wrong width of the beam, also changes the modulus that the edges give. As long as the input
+keeps its stated value in the fit, the edges count as if it were exact. An input whose error may have a larger effect
+than the noise should therefore be freed, which means that the fit determines it together with the law. The prior then
+also helps to determine the input.
 """
 
 from __future__ import annotations

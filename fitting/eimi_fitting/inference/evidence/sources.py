@@ -32,8 +32,8 @@ File = Literal["specimen", "calibration", "rig"]
 class Source:
     """An input that may be uncertain (a source of uncertainty), and its effect on an experiment.
 
-    A source has one or more numbers, the parts: the background field has the parts x and y. P is the number of
-    candidates of a fit.
+    A source has one or more numbers, the parts: the background field has the parts x and y. A fit compares P candidates
+    (sets of values of its unknowns), in which a source may have different deviations from its stated value.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ class Setup:
             For each uncertain number, the key of its source, its index among the parts of the source, and its deviation
             in the unit of the source. A deviation has shape (P,) or is one number for all candidates.
         candidates : int
-            The number P of candidates.
+            The number P of candidates (sets of values of the unknowns).
 
         Returns
         -------
@@ -156,11 +156,15 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return field factor and image map (the setup) of only the candidates with the indices ``rows``."""
+        """Return the effects on field and picture (the setup) of only the candidates with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return true positions (x, y) in mm, (P, ..., 2), from positions in the picture (..., 2) for P candidates."""
+        """Return true positions (x, y) in mm from positions in the picture, shape (..., 2).
+
+        The result has the shape (P, ..., 2). The P candidates (sets of values of the unknowns) may assume different
+        positions of the camera.
+        """
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
@@ -354,22 +358,24 @@ class Unknowns:
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the m parameters of the law, shape (P, m), for P candidates in unit coordinates (0 to 1), (P, n)."""
+        """Return the m parameters of the law for P candidates, shape (P, m).
+
+        A candidate is one set of values of the unknowns. ``unit`` has its n unit coordinates (0 to 1), shape (P, n).
+        """
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli in Pa, (P,), of P candidates; None if the bulk modulus is not searched.
+        """Return the bulk moduli of P candidates in Pa, (P,); None if the bulk modulus is not searched.
 
-        ``unit`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
+        A candidate is one set of values of the unknowns. ``unit`` has its n unit coordinates (0 to 1), shape (P, n).
         """
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the residuals of the priors of the f freed inputs, (P, f), for P candidates.
+        """Return the deviations of the f freed inputs from their stated values, in prior standard deviations, (P, f).
 
-        A freed input is an uncertain input that the fit determines together with the law. Its residual is its deviation
-        from the stated value, divided by the standard deviation of its prior. ``unit`` has the n unit coordinates (0 to
-        1) of each candidate, shape (P, n).
+        A freed input is an uncertain input that the fit determines together with the law. P candidates (sets of values
+        of the unknowns) have n unit coordinates (0 to 1) each: ``unit``, shape (P, n).
         """
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
@@ -390,11 +396,10 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates whose specimens and loads are the same, with the deviations from the stated ones.
+        """Group the candidates (sets of values of the unknowns) that have the same specimen and the same loads.
 
-        A candidate is one set of values of the unknowns of a fit. If the fit determines an input that changes the
-        specimen or the loads, such as the width, the candidates need different beam models. Each group can be solved
-        with one model.
+        Each group can be solved with one beam model. Candidates differ in the specimen or in the loads if the fit
+        determines such an input, for example the width.
 
         Parameters
         ----------
@@ -413,7 +418,9 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Return groups of candidates (sets of values of the unknowns) that have the same deviations of the lens.
+        """Group the candidates (sets of values of the unknowns) that have the same lens.
+
+        Candidates differ in the lens if the fit determines a property of it, such as its distance from the beam.
 
         Parameters
         ----------
@@ -425,8 +432,9 @@ class Unknowns:
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its candidates, and one dictionary for each dataset. A key is a property of
-            the lens (a key of `SOURCES`), and its value an array with the deviation of each part, shape (parts,).
+            For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
+            deviations of the lens from its stated values: the key is a key of `SOURCES`, the value an array with the
+            deviation of each part, shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

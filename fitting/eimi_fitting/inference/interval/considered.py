@@ -331,7 +331,13 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the change of the optimum by each uncertain input (source), as if the parameters had no bounds.
+    """Return the change of the optimum for one standard uncertainty of each uncertain input (source).
+
+    Let c_s be the change of the residuals for one standard uncertainty of source s, J the derivatives of the residuals
+    in the unknowns, W the weights of the residuals, and H the Hessian (``Linearisation.hessian``). Without bounds on
+    the unknowns, the optimum changes by
+
+        d_s = -inv(H) J' W c_s.
 
     Parameters
     ----------
@@ -345,7 +351,7 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
     Returns
     -------
     Steps
-        The changes d_s = -inv(H) J' W c_s of the optimum (see the module).
+        The changes d_s, and the distance to the optimum without bounds.
 
     Notes
     -----

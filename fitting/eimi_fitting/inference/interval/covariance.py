@@ -49,7 +49,7 @@ class LinearStates:
     used : ndarray, shape (K, G, m)
         Above zero for points that are used, else zero (``Misfit.weights``).
     weights : ndarray, shape (K,)
-        The weights w_k of the states.
+        Weight w_k in 1/mm^2 of the squared residuals of each state in the likelihood.
     counts : ndarray, shape (K,)
         Number of points N_k of each state.
     error_mm : ndarray, shape (K,)
@@ -83,8 +83,9 @@ class LinearStates:
     def score_variance(self, observed: Observation) -> Array:
         """Return the contribution of this experiment to the variance B of the score, shape (n, n).
 
-        The score is the gradient of minus the log-likelihood. The symbols are defined in the module
-        `inference.interval.covariance`. For edges,
+        The score is the gradient of minus the log-likelihood in n unknowns. In the likelihood, the squared residuals of
+        state k have the weight w_k. e_k is the root mean square of these residuals, J_k are their derivatives in the
+        unknowns, and tau neighbouring points count as one independent point. For edges,
 
             B = sum_k tau w_k^2 e_k^2 J_k' J_k.
 
@@ -117,6 +118,8 @@ class LinearStates:
 class Linearisation:
     """The evidence of a fit (edges, tensile curves, priors), linearised about an optimum of n unknowns.
 
+    Noise is the part of the residuals that no error of an uncertain input explains (`inference.interval.noise`).
+
     Parameters
     ----------
     unit : ndarray, shape (n,)
@@ -128,15 +131,13 @@ class Linearisation:
     points : int
         Number of measured points of all experiments.
     independent_points : float
-        Number of independent points, estimated from the residuals.
+        Number of independent points, estimated from all residuals.
     likelihood_points : float
-        Number of independent points in the likelihood: the number N in the weights w_k of the states. The weights are
-        defined in the module `inference.interval.covariance`.
+        Number N of independent points from which the weights of the states in the likelihood are computed.
     noise_points : float
-        Number of independent points, estimated from the part of the residuals that is noise
-        (`inference.interval.noise`).
+        Number of independent points, estimated from the noise alone.
     noise_mm : float
-        Mean error of the states in mm, computed from the part of the residuals that is noise.
+        Root mean square of the noise in a state in mm, as the mean over the states.
     residual_mm : float
         Root mean square of all residuals, in mm.
     curves : ndarray, shape (m,)
@@ -151,9 +152,9 @@ class Linearisation:
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        The information A of the data, the variance B of the score (gradient of minus the log-likelihood), and the
-        inverse variance P of the priors (see the module). ``prior`` does not contain the priors on the law's
-        parameters.
+        The information A of the data (second derivatives of minus the log-likelihood), the variance B of the score
+        (gradient of minus the log-likelihood), and the inverse variance P of the priors. ``prior`` does not contain the
+        priors on the law's parameters.
     """
 
     unit: Array
@@ -176,17 +177,20 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The contribution of the priors on the law's parameters to the Hessian in n unknowns, shape (n, n)."""
+        """The Hessian of minus the log-priors on the law's parameters in n unknowns, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the log-likelihood and all log-priors in n unknowns, shape (n, n)."""
+        """The Hessian of minus the sum of log-likelihood and all log-priors in n unknowns, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the log-likelihood in n unknowns, shape (n,); zero at an optimum inside the bounds."""
+        """The gradient of minus the sum of log-likelihood and all log-priors in n unknowns, shape (n,).
+
+        It is zero at an optimum inside the bounds.
+        """
         total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
         for states in self.states:
             total = total + states.score(states.residuals)
@@ -236,7 +240,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance of the optimum, shape (n, n), for a noise level multiplied by ``widened``."""
+        """Return the covariance of the optimum, shape (n, n), if the noise is ``widened`` times its estimate."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse

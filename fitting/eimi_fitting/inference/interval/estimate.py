@@ -238,10 +238,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
         that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus alone. Let a be the bound of the modulus in ``model_errors``. It is too small if
-        the other unknowns compensate for a part of an error of the beam model. Let b be the bound of the modulus if the
-        other unknowns are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b² - a²), or
-        0 if a > b. The root of the sum of both squares is then at least b.
+        A further bound for the modulus alone. The bound of the modulus in ``model_errors``, a, is too small if the
+        other unknowns compensate for a part of an error of the beam model. The bound should be at least b, which holds
+        for fixed other unknowns and is not below ``Effect.least_percent``. The further bound is sqrt(b^2 - a^2), or 0
+        if a > b. Both bounds together are then at least b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)

@@ -144,8 +144,8 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     optimum : Optimum
         The optimum of the problem.
     effects : sequence of Effect
-        The changes of the optimum by better beam models. The remaining error of the beam model adds to the noise, so
-        that the uncertain inputs do not explain residuals smaller than this error.
+        The corrections by better beam models, with the errors that they leave. These errors add to the noise, so that
+        the uncertain inputs do not explain residuals smaller than them.
 
     Returns
     -------
@@ -154,9 +154,10 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
     Notes
     -----
-    Let E be the mean error of all residuals in mm, e the mean error of the noise, and N the number of independent
-    points of the noise. The weights w_k of the states (`inference.interval.covariance`) are proportional to N / E^2,
-    but should be proportional to N / e^2. They are therefore computed with N (E / e)^2 points in place of N.
+    The error of a state is its root mean square residual in mm. Let E be the mean error of all states, e the same mean
+    for the noise alone, and N the number of independent points of the noise. The weight of a state in the likelihood is
+    proportional to N / E^2 (`inference.interval.covariance`), but only the noise should count: the weight should be
+    proportional to N / e^2. The weights are therefore computed with N (E / e)^2 independent points.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -212,10 +213,10 @@ def _explained(
     model_mm: Sequence[Array],
     near: Sequence[Shapes],
 ) -> Explained:
-    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the linearised residuals.
+    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the residuals.
 
-    They are linearised at the step with the least objective. ``near`` has shapes
-    of the beam at the optimum, from which the solver starts.
+    The residuals are linearised at the values that fit best. ``near`` has shapes of the beam at the optimum of the
+    unknowns alone, from which the solver starts.
     """
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
@@ -362,10 +363,11 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with the weights w_k that belong to their present residuals (`inference.interval.covariance`).
+    """Return the states with new weights of their squared residuals in the likelihood, computed from these residuals.
 
-    The weights are large if the residuals are small, and if few neighbouring residuals are correlated. ``model_mm`` has
-    the error of the beam model in mm, which is added to the error of each state.
+    A weight is large if the residuals of the state are small and if few neighbouring residuals are correlated
+    (`inference.interval.covariance`). ``model_mm`` has the error of the beam model in mm, which is added to the error
+    of each state.
     """
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())

@@ -56,6 +56,8 @@ class Ends:
 class _End:
     """One end of the interval of one unknown (coordinate), during its iterative computation.
 
+    The deviance is minus twice the log-likelihood, minus its smallest value.
+
     Parameters
     ----------
     coordinate : int
@@ -99,11 +101,11 @@ class _End:
     def advance(self, unit: Array, hessian: Array) -> None:
         """Replace ``point`` by a point that is nearer to the end of the interval.
 
-        At the end, the profile (the smallest deviance for a given value of ``coordinate``) equals ``target``. The
-        profile grows about as the square of the distance from the optimum. The present distance is therefore multiplied
-        by the root of ``target`` / profile, but kept between the distances that are known to be inside and outside the
-        interval. The other coordinates are then moved so that a quadratic approximation of the deviance is smallest.
-        ``unit`` is the optimum, and ``hessian`` the Hessian of half the deviance at the optimum.
+        The profile is the smallest deviance for a given value of the coordinate. At the end of the interval it equals
+        ``target``. It grows about as the square of the distance from the optimum ``unit``. The present distance is
+        therefore multiplied by sqrt(``target`` / profile), but kept between the distances that are known to be inside
+        and outside the interval. The other coordinates are then moved so that a quadratic approximation of the deviance
+        is smallest. ``hessian`` is the Hessian of half the deviance at the optimum.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])

@@ -225,11 +225,13 @@ class Candidates:
         A choice whose interval is near this bound can hardly be improved. The bound has two parts: noise and uncertain
         inputs. For the noise, every chosen state is assumed to determine the quantity as well as the best state does.
 
-        For the uncertain inputs, suppose first that only one state is measured. An error of an input by one standard
-        uncertainty then causes an error of the quantity, which differs from state to state. If several states are
-        measured, the error of the quantity is a weighted mean of these errors, with weights that add up to one. The
-        bound uses the weights for which the sum of the squares over all inputs is smallest (non-negative least
-        squares).
+        For the uncertain inputs, let a_si be the error of the quantity if state s alone is measured and input i is
+        wrong by one standard uncertainty. If several states are measured, the error is a weighted mean of the a_si over
+        the states. The bound uses those weights v_s >= 0 with the sum one for which
+
+            sum_i (sum_s v_s a_si)^2
+
+        is smallest (non-negative least squares).
 
         Raises
         ------
@@ -237,7 +239,7 @@ class Candidates:
             If there is more than one unknown.
         """
         if len(self.goal) > 1:
-            raise ValueError(f"the law has {len(self.goal)} unknowns; the lower bound needs a law with one unknown")
+            raise ValueError(f"the lower bound of the interval needs a law with one unknown, not with {len(self.goal)}")
         information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
         most = states * float(information.max())
         noise = (self.goal[0] / (most + prior)) ** 2 * (self._widened(states) ** 2 * most + prior)
@@ -347,7 +349,10 @@ def experiment_without_noise(
 
 
 def slopes_of(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of residuals in n unknowns in mm, (n, K, 2, m), for m points of 2 edges in K states."""
+    """Return the derivatives of the residuals in mm for each of n unit coordinates (0 to 1), shape (n, K, 2, m).
+
+    There are m points on each of 2 edges in K states.
+    """
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -355,11 +360,11 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the error of the edges due to the mesh of the later fit, as one more source of uncertainty.
+    """Return the error of the edges due to the mesh of the fit after the planned run, as a source of uncertainty.
 
-    The result is a dictionary with one entry, or an empty dictionary if the finer mesh has no equilibrium. The key is
-    the name of the refinement `FINER_MESH`. The value is the standard deviation of the error in mm, shape (K, 2, m),
-    for m points on each of 2 edges in K states. ``along`` is the number of elements along the beam in the later fit.
+    The result is a dictionary with one entry: the name of the source, and the standard deviation of the error in mm,
+    shape (K, 2, m), for m points on each of 2 edges in K states. It is empty if a finer mesh, which gives the error,
+    has no equilibrium. ``along`` is the number of elements along the beam in the mesh of that fit.
     """
     mesh_correction = correction(
         FINER_MESH,

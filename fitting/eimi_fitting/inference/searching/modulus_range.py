@@ -42,15 +42,15 @@ class NothingActs(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """The objectives of a fit for candidates with S different shear moduli.
+    """The objectives of a fit for candidate laws with S different shear moduli.
 
     Parameters
     ----------
     moduli_Pa : ndarray, shape (S,)
         The moduli in Pa, in ascending order.
     objective_mm : ndarray, shape (S,)
-        The objective in mm of the candidate with each modulus; a very large number (`DISCARDED_MM`) for an unconverged
-        or unstable candidate.
+        The objective in mm of the law with each modulus; a very large number (`DISCARDED_MM`) for a law that has no
+        equilibrium or is unstable in a state.
     """
 
     moduli_Pa: Array
@@ -68,7 +68,7 @@ class Scan:
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective in mm of the stiffest candidate, whose displacement is too small to be measured."""
+        """The objective in mm of the largest modulus, at which the displacement is too small to be measured."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
@@ -84,8 +84,9 @@ class Scan:
 def scanned(problem: Problem, independent_points: float) -> Scan:
     """Evaluate the objective at moduli from very soft to very stiff, with two moduli for each decade.
 
-    A stiff beam with the modulus mu, the length L and the largest displacement u gives the number c = mu u / L in Pa.
-    The moduli lie between c / 3 and c / 1e-7 (see the module `inference.searching.modulus_range`).
+    A stiff beam with the modulus mu, the length L and the largest displacement u is simulated. The number c = mu u / L
+    in Pa gives the range of the moduli. At the smallest modulus c / 3, a linear beam would bend by three times its
+    length. At the largest modulus c / 1e-7, the displacement would be too small to be measured.
 
     Parameters
     ----------
@@ -156,7 +157,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the number c = mu u / L in Pa, from which the range of moduli is computed; see the module.
+    """Return the number c = mu u / L in Pa, from which the range of moduli is computed.
 
     mu is the shear modulus, L the length and u the largest displacement of a simulated beam. The beam must be so stiff
     that its displacement is proportional to the loads. mu is therefore raised until u is at most 0.001 L. c is then the

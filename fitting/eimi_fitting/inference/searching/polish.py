@@ -43,11 +43,11 @@ class Evaluation(Protocol):
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of P candidates in mm, shape (P,)."""
+        """The objective of each of P candidates (sets of values of the unknowns) in mm, shape (P,)."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals of the candidates, one element for each experiment."""
+        """The residuals of P candidates (sets of values of the unknowns), one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -191,7 +191,12 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return the gradient g (n,) and the Hessian H (n, n) of the objective in n unknowns; see the module for g and H.
+    """Return the gradient g (n,) and the Hessian H (n, n) of the objective in n unknowns.
+
+    Let r_k be the N_k residuals of state k, e_k their root mean square, and J_k their derivatives in the unknowns. With
+    the weights w_k = 1 / (N_k e_k),
+
+        g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
 
     ``misfits`` has one element for each experiment, with the residuals of 2 n + 1 candidates: a point, then n
     candidates with one coordinate increased, then n candidates with one coordinate decreased. ``distance`` (n,) has the

@@ -46,11 +46,11 @@ class Values(Protocol):
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates has no equilibrium in at least one state, shape (P,)."""
+        """Whether each of P candidates (points of the search) has no equilibrium in at least one state, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the law of each of P candidates is unstable in at least one state, (P,).
+        """Whether the law of each of P candidates (points of the search) is unstable in at least one state, (P,).
 
         False for a candidate without an equilibrium in one of the states.
         """
