@@ -139,7 +139,8 @@ class LoadedMesh:
         The contribution of each element to ``nodal_dipole``. This array and the next two exist only if the silicone is
         magnetised.
     element_share : ndarray, shape (E, n)
-        Weights of an element's nodes. The weighted mean of the nodes' positions is the middle of the element.
+        Weights of an element's nodes (not related to ``share``). The weighted mean of the nodes' positions is the
+        middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) of the nodes of each element at rest.
     field_place_mm : ndarray, shape (2,)
@@ -150,7 +151,7 @@ class LoadedMesh:
     magnet_face_mm : ndarray, shape (2,)
         The reference point of the rigid body at rest: the middle of the magnet's inner face.
     magnet_centre_mm : ndarray, shape (2,)
-        The vector from the reference point to the centre of mass of the rigid body, at rest.
+        The centre of mass of the rigid body at rest, as a vector (x, y) from the reference point.
     magnet_dipole : ndarray, shape (2,)
         Magnetic moment at rest in N mm/T.
     """

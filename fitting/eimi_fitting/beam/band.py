@@ -30,7 +30,7 @@ def bandwidth(dofs: Indices) -> int:
 def _most_contributions(numbers: Indices) -> int:
     """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    numbers: the number of every contribution; the contributions to one entry have the numbers 0, 1, 2 and so on.
+    numbers: for each contribution, the number of earlier contributions to the same entry.
     """
     return int(numbers.max(initial=0)) + 1
 

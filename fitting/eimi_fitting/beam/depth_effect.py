@@ -55,7 +55,7 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether another candidate has the same law, ``bulk_ratio`` and planar displacements.
+        """Return whether another candidate has the same law, ratio of bulk to shear modulus, and planar displacements.
 
         within_mm: two displacements count as the same if they differ by at most this length.
         """
@@ -148,25 +148,26 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of the bending s at which this depth effect is known to equal ``base``: only 0, or none.
+        """The values of the bending s at which this depth effect is assumed to equal its base: s = 0, or none.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. ``base`` is the depth
-        effect of a similar candidate law. Both laws are assumed to have the same depth effect if the tip is not
-        rotated. The result is therefore 0 if there is a base and s is the rotation of the tip, and empty otherwise.
+        The depth effect is the shape of the solid model minus the shape of the planar model. The base is the depth
+        effect of a similar candidate law. If s is the rotation of the tip, both are assumed to be equal at s = 0. The
+        result is empty if there is no base, or if s is not the rotation of the tip.
         """
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect as a function d(s) without a base, so that it can be the base of another depth effect.
+        """The depth effect as a polynomial d(s) of its own, so that it can be the base of another depth effect.
 
-        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The base is the depth
-        effect of a similar candidate law, to which this object only adds a correction. The result has no base: it is a
-        polynomial through values of d(s). The values of s are those of the states in which the base was solved. But if
-        s is the rotation of the tip, the tip of this candidate rotates further than the tip of the base's candidate, or
-        less far. The values of s are then multiplied by a ratio: the rotation in the first solved state of this object,
-        divided by the rotation in the first solved state of the base. If this object has no solved states of its own,
-        the result is the base.
+        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. A depth effect may be
+        stored as a correction to a base (the depth effect of a similar candidate law). Here the base and the correction
+        are joined: a polynomial is put through the values of d(s) at the solved states of the base.
+
+        If s is the rotation of the tip, the tip rotates by another angle than with the candidate of the base. The
+        values of s are then multiplied by a ratio: the rotation in the first solved state of this object, divided by
+        the rotation in the first solved state of the base. If this object has no solved states of its own, the result
+        is the base.
         """
         if self.base is None or not self.places:
             return self.base or self
@@ -175,10 +176,10 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect can be the base of the depth effect of another candidate.
+        """Return whether this depth effect can be the base to which another candidate law only adds a correction.
 
-        places: the values s of the bending in all states of the other candidate. They must lie in the range in which
-        the depth effect d(s) is valid, computed without a base of its own.
+        places: the values s of the bending in all states of the other candidate. All of them must lie in the range of s
+        in which this depth effect was computed, extended by a tenth of its length at both ends.
         """
         return bool(self.without_base.reaches(places).all())
 

@@ -307,11 +307,10 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffnesses of all elements as one array, (E, B, 18, 18).
+    """Yield the tangent stiffness matrices of all E elements for B candidate laws, as one array (E, B, 18, 18).
 
-    Solid elements are yielded in groups, to save memory. `beam.equilibrium` treats both kinds of elements in the same
-    way, and this function therefore yields one group. See `stiffness` for the arguments and for the entries of the
-    matrices.
+    An iterator is returned because the matrices of solid elements are yielded in several groups, to save memory. Planar
+    elements need only one group. `stiffness` describes the arguments and the matrices.
     """
     yield stiffness(ops, ev, predicted)
 

@@ -128,7 +128,8 @@ def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -
 
     The contribution to S is p J C^-1, with the determinant J of the deformation gradient and the right Cauchy-Green
     tensor C. The contribution to D is the derivative of p J C^-1 by the Green strain, at constant p. ``volume`` is J
-    C^-1. The arrays ``volume``, S and D have the axes that `response` describes.
+    C^-1. The first axis of ``volume`` and of S, and the first two axes of D, have the six components 11, 22, 33, 12,
+    23, 13.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))

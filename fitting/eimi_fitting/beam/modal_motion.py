@@ -158,22 +158,26 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
     """Return the lowest squared angular frequencies for each of q modulus ratios r, (B, q, count) in 1/s².
 
     The ratio r (``stiffening``, shape (q,)) is the modulus in a vibration divided by the static modulus. The squared
-    frequencies are the eigenvalues of the stiffness r K_m + K_g and the mass M. material, rest, mass: the matrices K_m,
-    K_g and M of B candidate laws, reduced to m shapes, (B, m, m) each; see the module.
+    frequencies are the eigenvalues of the stiffness r K_m + K_g and the mass matrix M.
+
+    material, rest, mass: the matrices K_m (stiffness due to the tangent of the law), K_g (stiffness due to stresses and
+    loads) and M of B candidate laws, reduced to m shapes, (B, m, m) each.
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return K_m and K_g in coordinates in which the mass matrix M is the identity, (B, m, m) each.
+    """Return the two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each.
 
-    The arguments are K_m, K_g and M (see the module) of B candidate laws, reduced to m shapes. In the new coordinates,
-    the eigenvalues of r K_m + K_g are squared angular frequencies, for any modulus ratio r.
+    The arguments are matrices of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law
+    (``material``), the stiffness due to stresses and loads (``rest``), and the mass matrix. In the new coordinates, the
+    eigenvalues of r times the first stiffness plus the second are squared angular frequencies, for any number r.
 
-    Some of the m shapes may be linearly dependent. M is then nearly singular, and there are fewer than m independent
-    motions. The superfluous coordinates get a very large stiffness in K_g, so that their frequencies lie above all
-    others. For a candidate with an entry that is not finite, M is replaced by the identity, and K_m and K_g by zero.
+    Some of the m shapes may be linearly dependent. The mass matrix is then nearly singular, and there are fewer than m
+    independent motions. The superfluous coordinates get a very large stiffness, so that their frequencies lie above all
+    others. For a candidate with an entry that is not finite, the mass matrix is replaced by the identity, and the two
+    stiffness matrices by zero.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

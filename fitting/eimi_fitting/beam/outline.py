@@ -137,16 +137,16 @@ def _outward(curves: Array) -> Array:
 
 
 def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return points (x, y) of one face of the beam that appear in perspective beside each of n stations.
+    """Return the points at which the lines of one face of the beam cross the normals of its edge in the picture.
 
-    The face is given by lines along the beam, each at one of m depths. A line has points at the n stations, ``lines``
-    (..., n, m, 2), and a quadratic segment for every two steps between stations. At each station a normal, ``normal``
-    (..., n, 2), goes through the point of the line at mid-depth, ``middle`` (..., n, 2). The result has the shape of
-    ``lines``: the points at which the m lines cross the n normals. The outline is chosen among them.
+    The face (left or right) consists of m lines along the beam, one at each depth. Each line has a point (x, y) at each
+    of n stations along the beam, ``lines`` (..., n, m, 2), and is quadratic between them. At each station, ``middle``
+    (..., n, 2) is the point at mid-depth, and ``normal`` (..., n, 2) the normal of the beam through this point. The
+    result has the shape of ``lines``. The outline is chosen among its points.
 
-    The original points of a station are not compared. In perspective, the near and the far point of one station may be
-    farther apart along the beam than two neighbouring stations. An outline through the near point of one station and
-    the far point of the next one would then turn back.
+    The points of a station itself are not used. In perspective, its near and its far point may be farther apart along
+    the beam than two neighbouring stations. An outline through the near point of one station and the far point of the
+    next one would then turn back.
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)

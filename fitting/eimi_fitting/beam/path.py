@@ -87,7 +87,8 @@ class Shapes:
     def take(self, rows: NDArray[np.intp]) -> Shapes:
         """Return the shapes of the given candidate laws only; a candidate may occur more than once.
 
-        ``every`` is kept only if the first of the given candidates is the first candidate of these shapes.
+        The configurations ``every`` belong to the first candidate. They are kept only if this candidate is also the
+        first of the given candidates.
         """
         return Shapes(
             displacement=self.displacement[rows],
@@ -119,7 +120,10 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the batch of the given B candidate laws, and their factors on magnetic loads, (B,) or (1,) for all."""
+        """Return the candidate laws with the numbers ``rows``, and the factors on their magnetic loads.
+
+        The factors have the shape (B,) for B candidates, or (1,) if all factors are 1.
+        """
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]

@@ -111,11 +111,10 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line that bending mode i causes, in rad, if its amplitude is the length l.
+    """Return the angle of the centre line in bending mode i, in rad, or the offset of the centre line in this mode.
 
-    l is the length of the flexible part. The amplitude of a mode is the largest offset of the centre line, and the
-    angle is proportional to the amplitude. x: arc length from the clamp, divided by l. With ``integrals`` = 1, the
-    offset of the centre line divided by l is returned in place of the angle.
+    The mode is scaled so that its largest offset is the length l of the flexible part. x: arc length from the clamp,
+    divided by l. integrals: 0 for the angle, 1 for the offset divided by l.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

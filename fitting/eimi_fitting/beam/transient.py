@@ -48,8 +48,9 @@ class _State:
 
     Arrays of the N nodes have the shape (N, 2) for the coordinates x and y. Arrays of the two mass points that stand
     for the rigid body (the magnet) have the shape (2, 2). ``rigid`` contains the translation of the body in mm and the
-    rotation of the body in rad. ``elastic`` is the elastic stress S_e, and ``overstress`` contains the internal
-    variables Q_i; the module `beam.transient` defines S_e and Q_i.
+    rotation of the body in rad. ``elastic`` is the stress that the instantaneous law gives for the present strain.
+    ``overstress`` has the part of the stress that belongs to each term of the Prony series and relaxes with the time of
+    this term.
     """
 
     nodes: Array
@@ -287,7 +288,7 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Compute the velocities, accelerations and stresses at the end of a time step, and store the new state.
+        """Compute velocities, accelerations and stresses at the end of a time step, and make them the present state.
 
         The velocity changes by the weighted mean of the old and the new acceleration, times the length of the step.
 
@@ -296,10 +297,11 @@ class Transient:
         nodes, rigid
             Displacements of the nodes, (N, 2), and of the magnet, (3,), at the end of the step.
         batch, stiffness
-            The law whose modulus is the instantaneous modulus times ``stiffness``. The time step was solved with this
-            law. Its stress is divided by ``stiffness``, which gives the elastic stress S_e.
+            The law with which the time step was solved: the instantaneous law, with its moduli multiplied by
+            ``stiffness``. Its stress divided by ``stiffness`` is the elastic stress of the instantaneous law.
         fading, share
-            The factors exp(-dt / tau_i) and g_i a_i, (m,), which give the new internal variables (see the module).
+            Two factors for each of the m terms of the Prony series, (m,). The stress of a term is multiplied by
+            ``fading`` in the step, and ``share`` times the change of the elastic stress is added to it.
         step_s
             Length of the step in s.
         gamma

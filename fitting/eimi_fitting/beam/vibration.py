@@ -129,12 +129,12 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the reduced motion (matrices for a few shapes) of B candidate laws about known equilibria.
+        """Return the matrices of small motions of B candidate laws about known equilibria, reduced to a few shapes.
 
         chosen: the candidates. loads: the loads in one state. now: the equilibria under these loads, one row for each
-        candidate. basis: the shapes; None: the lowest modes are the shapes. shapes, stiffenings: how many modes are
-        computed, and for which ratios of the modulus in the vibration to the static modulus. The method `about`
-        describes the last three in detail.
+        candidate. basis: the displacements of the nodes, (m, N, d), and the motion of the magnet, (m, 3), in each of m
+        shapes; None: the shapes are the lowest undamped modes. shapes: number of modes that are computed for each ratio
+        in ``stiffenings``. stiffenings: ratios of the modulus in the vibration to the static modulus.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -180,12 +180,13 @@ class Vibration:
         factored : FactoredSystem
             The factorised linear system with the stiffness below.
         stiffness : ndarray, shape (E, B, u, u)
-            The stiffness r K_m + K_g of E elements with u unknowns each, for one modulus ratio r (see the module).
+            The stiffness of E elements with u unknowns each, for one ratio of the modulus in the vibration to the
+            static modulus.
         tie : ndarray, shape (Et, B, u, 3), or None
             Derivatives of the displacements of the Et elements at the body by the motion of the body; None without a
             body.
         body_rest : ndarray, shape (B, 3, 3)
-            The part of K_g that belongs to the motion of the body itself.
+            The stiffness of the body itself due to the loads on it.
         now : Configuration
             The equilibria.
         """

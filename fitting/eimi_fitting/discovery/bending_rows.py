@@ -136,10 +136,9 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
     """Return the residuals (misfit) of the best beam model, and the standard deviation of the error of this model.
 
     The best model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
-    sections. Both the best model and a coarser planar model are solved for the law with the coefficients ``about``.
-    Their residuals differ. The standard deviation is a fixed fraction of this difference
-    (`inference.evidence.corrections` gives the fraction). It has the shape (K, G, m) of the residuals: G groups (edges,
-    or x and y) of m points in K states.
+    sections. Both the best model and a coarser planar model are solved for the law with the coefficients ``about``. The
+    standard deviation is a fixed fraction of the difference between their residuals. It has the shape (K, G, m) of the
+    residuals: K states, and G = 2 groups of m points in each state (left and right edge, or x and y of tracked points).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -166,8 +165,8 @@ def _misfit(
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
     """Return how the residuals change with each of the J coefficients of the law, in mm/Pa, shape (J, K, G, m).
 
-    The derivatives at the coefficients ``about`` are finite differences. There are G groups (edges, or x and y) of m
-    points in K states.
+    The derivatives at the coefficients ``about`` are finite differences. There are K states, and G = 2 groups of m
+    points in each state: the left and the right edge, or x and y of tracked points.
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
@@ -224,7 +223,8 @@ def _whitened(
     misfit : Misfit
         The residuals of the law with the coefficients ``about``, for the best beam model.
     model_error : ndarray, shape (K, G, m)
-        Error of the beam model in mm: G groups (edges, or x and y) of m points in K states.
+        Error of the beam model in mm, in K states: G = 2 groups (left and right edge, or x and y of tracked points) of
+        m points.
     slopes : ndarray, shape (J, K, G, m)
         Derivatives of the residuals by the J coefficients in mm/Pa.
     nuisances : ndarray, shape (q, K, G, m)

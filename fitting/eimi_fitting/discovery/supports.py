@@ -73,7 +73,7 @@ class Support:
 
     @property
     def is_compatible(self) -> bool:
-        """Whether noise can explain that this set of terms predicts worse than the best set (see the module)."""
+        """Whether noise can explain that this set of terms predicts worse than the best set."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 

@@ -112,9 +112,9 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise can explain the prediction error of the first alternative.
+        """Return whether noise alone can explain how badly the first set of terms in ``alternatives`` predicts data.
 
-        It can if ``held_out_error`` is below 1.5.
+        The criterion is that the root mean square error of the cross-validation is below 1.5 times the noise.
         """
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
@@ -125,7 +125,7 @@ class Discovery:
 
     @property
     def statement(self) -> str:
-        """Return the result as one sentence for people."""
+        """Return one sentence that names the terms of the law, or says why the data do not determine them."""
         best = " + ".join(term.name for term in self.alternatives[0].terms)
         if not self.explained:
             return (

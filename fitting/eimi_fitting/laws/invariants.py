@@ -94,7 +94,10 @@ class InvariantEnergy(ABC):
         """
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`."""
+        """Return the strain energy density of planar deformations and its derivatives by a and J.
+
+        a = F : F and J = det F with the deformation gradient F in the plane.
+        """
         i1 = _first_invariant(a, J, section)
         if not self.needs_second:
             w, w1, _, w11 = self.coefficients(parameters, i1.value - 3, np.zeros(()))

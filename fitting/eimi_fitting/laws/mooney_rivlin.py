@@ -7,12 +7,12 @@ in `laws.stability`) is positive. The determinant is, up to a positive factor,
 
     D = C10^2 I2 + C01^2 I1 + C10 C01 (I1 I2 - 3).
 
-D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2. Equibiaxial
-tension is therefore the first deformation that becomes unstable, for two reasons. Among all deformations with the same
-I1, equibiaxial tension has the largest I2: if any of these deformations is unstable, equibiaxial tension is unstable
-too. And among the same deformations, equibiaxial tension has the smallest value of the largest principal stretch, in
-which the limit is expressed. Only equibiaxial tension has to be examined. The limit is the first zero of D in
-equibiaxial tension: the smallest positive root of a polynomial in the square of the stretch.
+D can become zero only if C01 or C10 is negative. Where it is zero, it decreases with I1 and with I2.
+
+Only equibiaxial tension has to be examined. Among all deformations with the same I1, it has the largest I2: if any of
+them is unstable, equibiaxial tension is unstable too. It also has the smallest value of the largest principal stretch,
+in which the limit is expressed. The limit is the first zero of D in equibiaxial tension: the smallest positive root of
+a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations

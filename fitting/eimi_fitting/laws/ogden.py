@@ -147,9 +147,10 @@ class Ogden:
         return 0.5 * np.sum(parameters[..., 0::2] * parameters[..., 1::2], axis=-1)
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`.
+        """Return the strain energy density of planar deformations and its derivatives by a and J.
 
-        The result is also accurate if the two stretches in the plane are equal.
+        a = F : F and J = det F with the deformation gradient F in the plane. The result is also accurate if the two
+        stretches in the plane are equal.
         """
         over_J = 1 / J
         c = 0.5 * a * over_J
@@ -239,7 +240,7 @@ class Ogden:
                 nonzero = [(mu, alpha) for _, (mu, alpha) in terms if mu != 0]
                 if len(nonzero) != 1:
                     raise NotInSolver(
-                        f"sofa has one ogden term, and this law has {len(nonzero)} terms, all of which are needed"
+                        f"sofa has an ogden law with one term only, but this law has {len(nonzero)} terms"
                     )
                 (mu, alpha) = nonzero[0]
                 return CardConstants(

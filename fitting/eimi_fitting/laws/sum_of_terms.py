@@ -135,7 +135,7 @@ class _Invariants(InvariantEnergy):
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy and its derivatives, see `InvariantEnergy.coefficients`."""
+        """Return the strain energy W(x, y) with x = I1 - 3 and y = I2 - 3, and dW/dx, dW/dy and d²W/dx²."""
         energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
         for i, term in enumerate(self.terms):
             c, number = parameters[..., i], term.number or 1.0
@@ -208,9 +208,8 @@ class SumOfTerms:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The coordinates of the search: the initial shear modulus mu0 in Pa, then quotients coefficient / mu0.
 
-        mu0 is the sum of the coefficients of all terms that are stiff at rest. One of these terms, the first in the
-        list, has no quotient, because mu0 and the other coefficients determine its coefficient. Every other term has a
-        quotient.
+        mu0 is the sum of the coefficients of all terms that contribute to it. The first of these terms has no quotient,
+        because its coefficient follows from mu0 and the other coefficients. Every other term has a quotient.
         """
         further = tuple(Coordinate(f"{term.name} over the modulus", 0.0, 1.0) for term in self._others)
         return (Coordinate("initial shear modulus", *SHEAR_MODULUS_PA), *further)
@@ -227,8 +226,8 @@ class SumOfTerms:
         """Return the coefficients of the m terms for P candidate laws, (P, m), from coordinates of the search, (P, m).
 
         The first coordinate is the initial shear modulus mu0. The others are the quotients coefficient / mu0 of all
-        terms except one: the first term in the list that is stiff at rest. The coefficient of this term is chosen so
-        that the initial shear modulus is mu0.
+        terms except one: the first term that contributes to mu0. The coefficient of this term is chosen so that the
+        initial shear modulus is mu0.
         """
         shares = np.insert(x[:, 1:], self._first, 0.0, axis=1)
         shares[:, self._first] = 1 - shares @ self._has_modulus
@@ -271,7 +270,10 @@ class SumOfTerms:
         return laws
 
     def planar(self, parameters: Array, a: Array, J: Array, section: Section) -> PlanarEnergy:
-        """Return the strain energy density of planar deformations and its derivatives, see `Law.planar`."""
+        """Return the strain energy density of planar deformations and its derivatives by a and J.
+
+        a = F : F and J = det F with the deformation gradient F in the plane.
+        """
         parts = [self._invariants.planar(parameters, a, J, section)]
         parts += [Ogden().planar(three_terms, a, J, section) for three_terms in self._ogden_parameters(parameters)]
         return PlanarEnergy(*(np.asarray(sum(of)) for of in zip(*parts, strict=True)))

@@ -8,12 +8,13 @@ in `laws.stability`) is positive. With the invariants I1 and I2, the determinant
     D = W' (W' I2 + W'' (I1 I2 - 9)),
 
 where a prime is the derivative by I1. D can become zero only if W'' is negative, because W' is positive at rest and I1
-I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative, so that D is not positive for any larger I2 at
-the same I1. Equibiaxial tension is therefore the first deformation that becomes unstable, for two reasons. Among all
-deformations with the same I1, equibiaxial tension has the largest I2: if any of these deformations is unstable,
-equibiaxial tension is unstable too. And among the same deformations, equibiaxial tension has the smallest value of the
-largest principal stretch, in which the limit is expressed. Only equibiaxial tension has to be examined. The limit is
-the first zero of D in equibiaxial tension: the smallest positive root of a polynomial in the square of the stretch.
+I2 is at least 9. Where D is zero, dD/dI2 = 9 W' W'' / I2 is negative. D is therefore not positive for any larger I2 at
+the same I1.
+
+Only equibiaxial tension has to be examined. Among all deformations with the same I1, it has the largest I2: if any of
+them is unstable, equibiaxial tension is unstable too. It also has the smallest value of the largest principal stretch,
+in which the limit is expressed. The limit is the first zero of D in equibiaxial tension: the smallest positive root of
+a polynomial in the square of the stretch.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ channels of one recording are therefore linear combinations of a few signals. Ga
 (Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
 
 A rolling shutter reads the rows of a frame one after another. A point is therefore recorded a little before or after
-the time of its frame. If this delay is constant, it only changes the phase of the channel, which is fitted anyway. If
-the point moves across the rows, its delay changes. The change times the velocity of the point is the distance by which
-the point has moved on in this time, and is subtracted from the recorded position.
+the time of its frame. A constant delay only changes the phase of the channel, which is fitted anyway. If a point moves
+across the rows, its delay changes. The change of the delay times the velocity of the point is then subtracted from the
+recorded position.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
         chosen, seen = chosen[rows], seen[rows]
     if not enough or len(chosen) < 8:
         raise TooFewFrames(
-            f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames show a point that is visible in "
-            f"at least {_LEAST_SEEN:.0%} of the frames, but at least 8 are needed"
+            f"{motion.label or 'the recording'}: {len(chosen) if enough else 0} frames can be used, but at least 8 are "
+            f"needed; such a frame shows a point that is visible in at least {_LEAST_SEEN:.0%} of all frames"
         )
     time = frame_s[chosen]
     places = motion.points_mm[np.ix_(chosen, points)]

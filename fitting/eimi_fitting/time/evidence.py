@@ -96,8 +96,8 @@ class RingEvidence:
         mode by 25 to 50 %.
 
         table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
-        ring-down begins with a known step of the load. The material has then relaxed for a short time only, see
-        ``age_s``.
+        ring-down begins with a known step of the load. The material has then relaxed only since this step. Otherwise it
+        is assumed to have been at rest for a long time.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
@@ -223,10 +223,10 @@ class Sag:
         return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
-        """Return a doubt (a warning) if the measured and the computed sag differ too much for a beam of ``length_mm``.
+        """Return a doubt (a warning) if the measured sag at rest contradicts the sag that the vibration predicts.
 
-        The modulus at rest is smaller than that of the vibration, at most by a factor of a few, and a beam that is
-        stated as straight may be a little bent.
+        Moderate differences are allowed. The modulus at rest is smaller than that of the vibration, at most by a factor
+        of a few, and a beam that should be straight may be a little bent. length_mm: length of the beam.
         """
         bent = _BENT_BEAM * length_mm / self.computed_mm
         if 1 - bent < self.measured < _SOFTER_AT_REST + bent:
@@ -280,7 +280,11 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of ln(modulus), (P, 1), see `Evidence.residuals`."""
+        """Return the residual of the logarithm of the modulus at rest for P candidate laws, (P, 1).
+
+        The modulus at rest of a candidate is compared with the modulus that the sag of the beam gives. The deviation is
+        divided by its standard uncertainty.
+        """
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
@@ -292,10 +296,9 @@ class RestEvidence:
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
     """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
 
-    Each also gets the number of its repeats.
-
-    Ring-downs under the same loads should have the same frequency and loss factor. If they differ by more than their
-    uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of freedom).
+    Repeated ring-downs, under the same loads, should have the same frequency and loss factor. If they differ by more
+    than their uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of
+    freedom). The number of repeats is stored in each of them.
     """
     widened = []
     for ring in rings:

@@ -18,8 +18,8 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
     """Return fitted vibrations (a decay) with the true amplitudes of the beam in place of the amplitudes in the frames.
 
-    The decay is returned unchanged if the amplitudes in the frames are below 30 % of the true amplitudes, because so
-    little amplitude is left if the exposure lasts for almost a whole period.
+    A frame shows the mean position during its exposure, so that the amplitude in the frames is smaller. The decay is
+    returned unchanged if less than 30 % of the true amplitude is left.
 
     Parameters
     ----------

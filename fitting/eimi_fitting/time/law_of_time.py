@@ -145,10 +145,11 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The objective function for the candidates of one generation of CMA-ES, in the form that the search expects.
+    """The misfits of one generation of candidates of CMA-ES, in the form that the search expects.
 
-    ``objective_mm`` has the values of chi, which have no unit here. ``unconverged`` marks candidates whose residuals
-    could not be computed. ``unstable`` is False for all candidates.
+    ``objective_mm`` has the root of the sum of the squared residuals of each candidate. It has no unit here, in spite
+    of its name. ``unconverged`` marks candidates whose residuals could not be computed. ``unstable`` is False for all
+    candidates, because the stability of the law is not examined.
     """
 
     objective_mm: Array
@@ -268,8 +269,8 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
     """Return the result of a least-squares fit from one start, by Levenberg and Marquardt's method (MINPACK).
 
-    Returns the m unknowns at the optimum, (m,), the Jacobian (k + m, m) of `TimeOptimum`, the number of evaluated
-    candidates, and whether the fit converged.
+    Returns the m unknowns at the optimum, (m,); the derivatives of all residuals by the unknowns, (k + m, m), for k
+    residuals of the data and m of the priors; the number of evaluated candidates; and whether the fit converged.
     """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])

@@ -56,10 +56,12 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Return the curve through the moments at a few rotations, by splines.
+        """Return the load curve through the moments at a few rotations of the tip, interpolated by splines.
 
-        nominal: rotations (rad) and moments (Pa rad), of the same length. stronger: the same in a field that is
-        ``factor`` times as strong. The difference gives the part of the field.
+        nominal: the rotations in rad and the moments of the loads, of the same length. A moment is divided by a
+        constant of the beam in m³, so that its unit is Pa rad and not N m. stronger: rotations and moments in a field
+        that is ``factor`` times as strong. The difference from the nominal moments gives the part of each moment that
+        the field causes.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
@@ -71,17 +73,19 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the curve of a beam without a field, on which gravity acts like a spring.
+        """Return the load curve of a beam without a field, on which gravity acts like a spring.
 
-        The moment (Pa rad) is -``stiffness_Pa`` times the rotation of the tip (rad).
+        The moment is -``stiffness_Pa`` times the rotation of the tip in rad. It is divided by a constant of the beam in
+        m³, so that its unit is Pa rad and not N m.
         """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment in Pa rad and its derivative by the rotation in Pa, at P rotations in rad, (P,) each.
+        """Return the moment of the loads and its derivative by the rotation of the tip, at P rotations (rad), (P,).
 
-        Beyond its ends the curve continues as a straight line.
+        The moment is divided by a constant of the beam in m³. Its unit is therefore Pa rad and not N m, and the unit of
+        the derivative is Pa. Beyond its ends the curve continues as a straight line.
         """
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
@@ -229,9 +233,12 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return slopes (Pa) and moments at the rotation 0 (Pa rad) of straight lines between nodes, (2, curves * lines).
+    """Return the straight lines between neighbouring points of several load curves, (2, curves * lines).
 
-    rotations, moments: those of the nodes of each curve, (curves, lines + 1).
+    A load curve is the moment of the loads as a function of the rotation of the tip. The result has the slope of each
+    line in its first row, and the moment of the line at the rotation 0 in its second row. Moments are divided by a
+    constant of the beam in m³: their unit is Pa rad, and the unit of slopes is Pa. rotations, moments: the points of
+    each curve, (curves, lines + 1).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
@@ -246,7 +253,7 @@ class _Plan:
     spans_s : ndarray, shape (m,)
         Duration of each step in s.
     curves : list of LoadCurve
-        The moment of the loads in each step.
+        The moment of the loads as a function of the rotation of the tip, for each step.
     wanted : ndarray of int
         Numbers of the steps that end at the wanted times.
     """

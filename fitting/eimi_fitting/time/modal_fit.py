@@ -68,7 +68,8 @@ class ModalFit:
     covariance : ndarray
         Covariance matrix of the entries of ``modes`` and ``bend`` that were fitted.
     residuals : ndarray, shape (n, r)
-        Residuals of the reduced signals. Noise as large as the recording states has the standard deviation 1 in them.
+        Residuals of the reduced signals. Their standard deviation is 1 if the noise is as large as the recording
+        states.
     linear : ndarray, shape (f, r)
         For each reduced signal, the coefficients of the f functions of time whose sum is fitted to it. The functions
         are the columns of `design_matrix`.
@@ -101,7 +102,7 @@ class ModalFit:
         signals : Signals
             The signals of the ring-down.
         modes : ndarray, shape (m, 2)
-            See the attribute ``modes``.
+            The start: for each mode ln(angular frequency in rad/s) and the loss factor.
         has_bend : bool
             Whether to fit the change of the first mode with the amplitude (kappa_1 and kappa_2) too.
         """
@@ -254,8 +255,8 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     frequency of the first mode (harmonics); the square of the first mode's amplitude, because a nonlinear beam vibrates
     about a shifted position; and the functions of the slow baseline.
 
-    time: seconds since the first frame, (n,). modes: ln omega and loss factor in each row. bend: the rise of frequency
-    and loss factor with the amplitude, see `exponent`.
+    time: seconds since the first frame, (n,). modes: ln omega and loss factor in each row. bend: the numbers kappa_1
+    and kappa_2, by which frequency and loss factor of the first mode grow with the amplitude; empty if both are 0.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

@@ -323,8 +323,8 @@ def result_of(
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
     """Return the factor on the stated magnetic moment at which static states and motions give the same modulus.
 
-    A value far from 1 shows that the stated moment is wrong. free: the optimum with an unknown moment, see
-    `TimeOptimum.with_free_load`. effects: see `Problem.effects`.
+    A value far from 1 shows that the stated moment is wrong. free: the optimum of a fit with an unknown moment.
+    effects: the changes of the residuals if uncertain inputs change by their uncertainties.
     """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
@@ -427,8 +427,10 @@ def _budget(
 ) -> tuple[BudgetEntry, ...]:
     """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects.
 
-    omega, dynamic: angular frequency in rad/s, and dynamic modulus in Pa at this frequency. The other arguments are
-    those of `result_of`; ``small`` has the small effects, such as the air.
+    terms, optimum: the unknowns of the law, and their optimum. omega, dynamic: angular frequency in rad/s, and dynamic
+    modulus in Pa at this frequency. draws_fit: draws of the unknowns that contain the noise only. sources: standard
+    uncertainties of the inputs. steps: changes of the unknowns if an input changes by its uncertainty. load_sigmas:
+    relative standard uncertainties of the magnetic loads. small: the small effects, such as the air.
     """
     entries = []
 

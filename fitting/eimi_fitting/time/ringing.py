@@ -10,10 +10,11 @@ moduli matter:
   is computed for a few real ratios r. The values of lambda/r are interpolated by a polynomial in 1/r, which then gives
   lambda for any complex r.
 
-The modes are computed with a planar model. Its equilibrium modulus is multiplied by a factor with which the planar
-model bends like the solid model. The ratio r and the eigenvalue of each mode are multiplied by two other factors, with
-which the planar model has the frequency of the solid model for two ratios. All factors are computed once, at the middle
-of the equilibrium moduli.
+The modes are computed with a planar model and corrected by three factors, because the solid model is more accurate. The
+first factor multiplies the equilibrium modulus, so that the planar model bends like the solid model. The second
+multiplies the ratio r of a mode, and the third the eigenvalue of the mode. These two are chosen so that the mode has
+the frequency of the solid model at two values of r. All factors are computed once, at the middle of the equilibrium
+moduli.
 """
 
 from __future__ import annotations
@@ -243,10 +244,11 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return the function that gives the eigenvalues of the planar model, (P, count), for ratios r of that shape.
+        """Return the function that computes eigenvalues of the planar model: squared angular frequencies, (P, count).
 
-        log_modulus: logarithms of the equilibrium moduli in the table, (P,). load_log: those of the factors on the
-        magnetic loads, (P,).
+        The argument of this function is the modulus ratio r of each mode, (P, count): the modulus in the vibration
+        divided by the equilibrium modulus. log_modulus: logarithms of P equilibrium moduli, (P,). load_log: logarithms
+        of P factors on the magnetic loads, (P,).
         """
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
@@ -259,16 +261,18 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """The factors on the ratios r and on the eigenvalues of the planar model's modes, (3,) each.
+        """Two factors for each of three modes of the planar model, which correct it to the solid model, (3,) each.
 
-        With both the eigenvalues of the lowest modes are those of the solid model for the two ratios `_RATIOS`.
-        Without loads the eigenvalues are proportional to r. The factor on r is then 1.
+        The first factor multiplies the modulus ratio r: the modulus in the vibration divided by the equilibrium
+        modulus. The second factor multiplies the eigenvalue (the squared angular frequency). With both, the planar
+        model has the eigenvalues of the solid model for r = 0.9 and for r = 1.2. Without loads the eigenvalues are
+        proportional to r, and the factor on r is 1.
         """
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return the logarithms of the planar eigenvalues at the two ratios, (3, 2), for three factors on r."""
+            """Return ln(eigenvalue) of three planar modes at r = 0.9 and 1.2, with r times a factor, (3, 2)."""
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 
@@ -293,17 +297,18 @@ class RingTable:
     def planar_over_solid_modulus(self) -> float:
         """The factor on the modulus with which the planar model bends as far as the solid model under the same loads.
 
-        The tip of the planar model with the modulus ``middle_Pa`` times this factor rotates as far as the tip of the
-        solid model with ``middle_Pa``. The factor is 1 for a specimen with a planar section.
+        The rotations of the two tips are compared at the middle modulus of the table. The factor is 1 for a specimen
+        with a planar section.
         """
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the factor by which the identified modulus would change with a solid section.
+        """Return the factor by which the identified modulus would change if the section were solid.
 
-        The section that the specimen file states may be planar, such as plane strain. With it and with a solid section,
-        different moduli are identified from the same lowest frequency. The factor is 1 if the file states a solid.
-        `NoEquilibrium` is raised if the solid model has no equilibrium.
+        The specimen file may state a planar section, such as plane strain. The same measured frequency gives another
+        modulus with a solid section. The result is the modulus with a solid section divided by the modulus with the
+        stated section; 1 if the stated section is solid. `NoEquilibrium` is raised if the solid model has no
+        equilibrium.
         """
         if self.beam.specimen.section == "solid":
             return 1.0
@@ -317,9 +322,9 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The change of ln(frequency) if the hanging weight were fixed to the tip, 0 without such a weight.
+        """The change of ln(frequency) if the hanging weight moved with the tip in all directions; 0 without a weight.
 
-        A fixed weight moves with the tip across gravity too.
+        A weight on a thread moves with the tip along gravity only.
         """
         beam = self.beam
         if not beam.hanging_N:
@@ -330,9 +335,13 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """`solid_over_planar`, `planar_over_solid_modulus`, and the eigenvalues of the solid model, (3, 2) in 1/s².
+        """The comparison of the planar model with a better model: frequencies, bending and eigenvalues.
 
-        The eigenvalues are those of three modes at the two ratios `_RATIOS`.
+        The better model is the solid model, or a finer planar model if the section is planar. The first value has the
+        three lowest frequencies of the better model divided by those of the planar model, (3,). The second value is the
+        factor on the modulus with which the planar model bends as far as the better model. The third value has the
+        eigenvalues (squared angular frequencies) of three modes of the better model, (3, 2) in 1/s², for moduli in the
+        vibration of 0.9 and 1.2 times the static modulus.
         """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
@@ -407,7 +416,7 @@ class RingTable:
 def _eigenvalues(motion: ReducedMotion) -> Array:
     """Return the eigenvalues (squared angular frequencies) of three modes of one candidate, (3, 2) in 1/s².
 
-    The columns belong to two moduli in the vibration: the static modulus times each of the numbers `_RATIOS`.
+    The columns belong to two moduli in the vibration: 0.9 and 1.2 times the static modulus.
     """
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
@@ -431,9 +440,10 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert the variable x of the interpolating polynomials, -1 < x <= 1, to the ratio r of two moduli.
+    """Convert the variable x of the interpolating polynomials, -1 < x <= 1, to the modulus ratio r.
 
-    1/r is a linear function of x, because the interpolated quantity is almost a polynomial in 1/r (see the module).
+    r is the modulus in a vibration divided by the equilibrium modulus. The polynomials interpolate in 1/r, and 1/r is a
+    linear function of x.
     """
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 

@@ -46,10 +46,10 @@ class LoadHistory:
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
         """Return the history of the loads in K states, with a curve for each load.
 
-        A curve gives the moment of the load as a function of the rotation of the tip (`loaded_creep.LoadCurve`). For
-        each of seven shear moduli, the rotation under the load is computed. The moment at this rotation is the product
-        of modulus and rotation. The same in a stronger field gives the part of the
-        moment that the field causes.
+        A curve gives the moment of the load as a function of the rotation of the tip. It goes through seven points. For
+        each of seven shear moduli, the rotation under the load is computed, and the moment at this rotation is the
+        product of modulus and rotation. The same computation in a stronger field gives the part of the moment that the
+        field causes.
 
         Parameters
         ----------
@@ -85,10 +85,11 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return the shear modulus (Pa) whose resistance to a rotation of the tip is as large as that of gravity.
+    """Return how strongly gravity resists a rotation of the tip, as a shear modulus in Pa.
 
-    It is computed for the lowest mode. K_m is the stiffness due to the material, which is proportional to the shear
-    modulus. K_g is the stiffness due to stresses and gravity. The result is the shear modulus times K_g / K_m.
+    A beam of this shear modulus would resist the rotation as strongly without gravity. The stiffness of the lowest mode
+    is the sum of a part due to the material and a part due to gravity. The result is the shear modulus ``middle_Pa``
+    times the second part divided by the first.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -123,9 +124,10 @@ class CreepEvidence:
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations that are measured if the tip rotates by ``true``, in rad; both arrays have any shape.
+        """Return the rotations of the tip that would be measured if its true rotations were ``true``, both in rad.
 
-        They contain the systematic error of the measurement, see ``shown``.
+        The measurement has a systematic error, because it converts displacements to rotations by a constant factor.
+        Both arrays have the same shape.
         """
         if self.shown is None:
             return true
@@ -135,7 +137,10 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation that would be measured at the k times for P candidate laws, (P, k) in rad."""
+        """Return the rotation of the tip that would be measured at the k times of the recording, (P, k) in rad.
+
+        It is computed for P candidate laws and contains the systematic error of the measurement.
+        """
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 

@@ -77,9 +77,8 @@ def shown_rotations(
     """Return a table that converts the true rotation of the tip to the rotation that is measured in the pictures.
 
     The measurement has a systematic error: it divides displacements by a constant displacement per rad. In a beam that
-    is bent by its loads, this number changes while the beam creeps: at 50 degrees, by 1 % for a change of the rotation
-    by 0.1 degrees. Simulated rotations are converted with the table before they are compared with measured ones, so
-    that both have the same error.
+    is bent by its loads, the true displacement per rad changes while the beam creeps. Simulated rotations are converted
+    with the table before they are compared with measured ones, so that both have the same error.
 
     Parameters
     ----------

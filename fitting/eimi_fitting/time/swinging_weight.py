@@ -51,10 +51,9 @@ def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
     The two vibrations have almost equal frequencies. The weight swings if this fit describes the motion much better
     than ``fitted``, the fit of one vibration to the same frames.
 
-    The result is also None if the beam first loses little energy and later more, with the same frequency in the first
-    two time windows (``windows``). Something else than the swing then takes energy from the beam. The loss is little if
-    the loss factor of the first window is between a fifth and a half of the loss factor that follows for the beam from
-    the two vibrations.
+    The result is also None if something else than the swing seems to take energy from the beam. This is assumed if the
+    two vibrations differ by less than 10 % in frequency, the first two time windows (``windows``) have the same
+    frequency, and the loss factor of the first window is only a fifth to a half of that of the beam in this fit.
     """
     if fitted.noise < _NOISE:
         return None
@@ -112,9 +111,10 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the shares p_i of the beam in the energy of the two vibrations, (2,).
+    """Return the part of the energy of each of two vibrations that is in the beam, as fractions, (2,).
 
-    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    The rest of the energy is in the swinging weight. modes: ln(angular frequency) and loss factor of the first
+    vibration, then of the second one, (4,).
     """
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())

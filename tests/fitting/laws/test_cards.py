@@ -191,7 +191,7 @@ def test_a_card_for_sofa_has_the_constants_of_its_source_or_is_refused() -> None
     assert parameters(one_term) == pytest.approx([34e-3, 1.7, 34])
     for constant in ("mu = mu1", "alpha = alpha1", "kappa = k0"):
         assert constant in material_card("sofa", one_term).partition("OgdenMaterial with ")[2]
-    with pytest.raises(NotInSolver, match="sofa has one ogden term, and this law has 3"):
+    with pytest.raises(NotInSolver, match="sofa has an ogden law with one term only, but this law has 3"):
         material_card("sofa", material("ogden"))
     with pytest.raises(NotInSolver, match="sofa has no yeoh law"):
         material_card("sofa", material("yeoh"))
