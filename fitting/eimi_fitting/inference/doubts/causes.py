@@ -140,12 +140,11 @@ class Weighed:
     beside_the_fit : float
         Probability that at least one cause is present which the fit has not taken into account.
     remaining : tuple of ndarray, shape (K, G, m), or None
-        For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups of m points
-        in K states. None if the beam model finds no equilibrium, or if these are the residuals of the fit itself (no
-        cause beside the fit, and all inputs exact).
+        For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups (edges, or
+        x and y) of m points in K states. None if the beam model finds no equilibrium. Also None if this hypothesis is
+        the fit itself: exact inputs, and no cause that the fit has not taken into account.
     as_stated : float
-        Probability that all errors are such as the files state: there is no error that no file states, and no error is
-        too large for its stated uncertainty.
+        Probability that no cause is present. A deviation of an input within its stated uncertainty is no cause.
     """
 
     causes: tuple[Cause, ...]

@@ -26,21 +26,12 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
     """Return a function that corrects the measured points of an experiment for an error of the picture.
 
-    Parameters
-    ----------
-    displacement : callable
-        Takes an experiment, positions (x, y) in mm, shape (..., 2), and the amplitudes (sizes of the error). Returns
-        the displacements of these positions by the error in mm, (..., 2). The displacement of the clamp is subtracted
-        from them, because positions are measured from the clamp.
-    shift : int, optional
-        Index of the first of two further amplitudes: a shift of all points in x and y, in mm. This shift is needed if
-        the position of the clamp was measured in another picture. The error has not displaced it there, so that its
-        displacement should not be subtracted.
+    ``displacement`` takes an experiment, positions (x, y) in mm and the sizes of the error, and returns the
+    displacements of the positions by the error. The displacement of the clamp is subtracted from them, because
+    positions are measured from the clamp.
 
-    Returns
-    -------
-    callable
-        Takes the assumptions of a fit and amplitudes, and returns the assumptions with corrected measured points.
+    This is wrong if the position of the clamp was measured in another picture. Two further sizes of the error, from the
+    index ``shift``, then compensate for it: a shift of all points in x and y, in mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -43,9 +43,9 @@ class Projection:
         For each experiment, the values of D orthonormal polynomials at m points in G groups (edges) and K states; zero
         for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, two orthogonal matrices. The columns of ``over_states`` are K linear combinations of the K
-        states, and the columns of ``over_groups`` G linear combinations of the G groups. In these combinations, the
-        coefficients of the unexplained part are independent of each other.
+        For each experiment, two orthogonal matrices. Their columns are linear combinations of the K states
+        (``over_states``) and of the G groups (``over_groups``), in which the coefficients of the unexplained part are
+        independent of each other.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unexplained part of the size 1 mm
         (``error``).
@@ -143,12 +143,11 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
     """Return the variance of the polynomial coefficients due to noise, in mm^2, (G, D).
 
-    There are D coefficients for each of G groups of points (edges, or x and y). For edges, the variance follows from
-    the level and the correlation of ``remainder``: the residuals in mm that the polynomials do not describe. If the
-    remainder has fewer than ten degrees of freedom, the stated uncertainty of the points is used instead. For tracked
-    points, the stated uncertainty is always used. All points of a state are then assumed to have the same error, which
-    increases the variance of the constant polynomial. ``counts`` has the number of used points of each edge in each
-    state.
+    D polynomials describe the residuals along each of G edges. ``remainder`` is the rest of the residuals, which gives
+    the level and the correlation of the noise. The stated uncertainty of the points is used instead for tracked points,
+    and if the rest has fewer than ten degrees of freedom. All tracked points of a state are assumed to have the same
+    error, which increases the variance of the constant polynomial. ``counts`` has the number of used points of each
+    edge in each state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())

@@ -21,8 +21,8 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
     """Return how a deviation of each uncertain input of a fit would change the residuals.
 
-    A key of the result is a source (an uncertain input), written as a `PossibleCause` with the name of the source. Its
-    value has one `Column` for each uncertain number of the source, such as x and y, with the change of the residuals in
+    A key of the result stands for an uncertain input; it is a `PossibleCause` with the key of the input in `SOURCES` as
+    name. Its value has one `Column` for each number of the input, such as x and y, with the change of the residuals in
     mm for a deviation of one. An input that was measured, such as the shape at rest, is left out.
 
     Parameters
@@ -30,8 +30,8 @@ def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[Poss
     about : About
         The optimum of the fit.
     possible : sequence of PossibleCause
-        The possible errors of the bench. A freed input (determined by the fit) that belongs to none of them is left
-        out, because it is one of the unknowns of `About`.
+        The possible errors of the bench. A freed input (determined by the fit) is returned only if its error is one of
+        them. Otherwise it is treated like the parameters of the law.
     """
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):

@@ -302,27 +302,16 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return the hypotheses that were not simulated, each with a simulated hypothesis whose simulation it can use.
+        """Return pairs of hypotheses: one that was not simulated, and a simulated one whose simulation it can use.
 
         A hypothesis is a set of causes (possible errors of the bench). The residuals under a hypothesis are computed by
-        a linear model, which is exact only where the beam was simulated. A hypothesis with a simulation could therefore
-        seem to agree better with the data than one without. To avoid this, a hypothesis without a simulation uses the
-        simulation of a part: a hypothesis that has only some of its causes. The most probable simulated part is used.
+        a linear model, which is exact only where the beam was simulated. A simulated hypothesis could therefore seem to
+        agree better with the data than another one. To avoid this, a hypothesis that was not simulated uses the most
+        probable simulation of a part of its causes. Its measured causes, such as a measured taper of the width, must
+        belong to this part, because the shape at rest would differ without them.
 
-        A part must contain every measured cause of the hypothesis, such as a measured taper of the width, because the
-        shape at rest would differ without it.
-
-        Parameters
-        ----------
-        result : Posterior
-            The evidence (probability density of the residuals) of the H hypotheses.
-        known : ndarray of bool, shape (H,)
-            Whether each hypothesis was simulated.
-
-        Returns
-        -------
-        list of tuple of int
-            For each hypothesis with such a part, the index of the hypothesis and the index of the part.
+        ``result`` has the evidence (probability density of the residuals) of all hypotheses. ``known`` is true for each
+        simulated hypothesis.
         """
         score = result.log_evidence + self.log_prior
         pairs = []
@@ -420,9 +409,9 @@ class Weighing:
     def _probable(self, result: Posterior, far: float) -> list[int]:
         """Return the indices of the probable hypotheses (sets of possible errors of the bench), which are simulated.
 
-        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one.
-        `posterior` repeats the simulations in several passes. In the first passes, hypotheses of a single error are
-        also returned if they are improbable, because a large error may look improbable before it is simulated.
+        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one. With the
+        largest ``far``, hypotheses of a single error are also returned if they are improbable, because a large error
+        may look improbable before it is simulated.
         """
         score, rows = result.log_evidence + self.log_prior, []
         sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])

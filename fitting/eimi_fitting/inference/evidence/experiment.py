@@ -199,7 +199,10 @@ class Comparison:
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the distances of measured from simulated points in mm, (P, K), as in ``error_mm``."""
+        """Standard deviation of the distances of measured from simulated points in mm, (P, K).
+
+        There are P candidate laws and K states.
+        """
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property

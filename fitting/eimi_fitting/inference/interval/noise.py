@@ -283,10 +283,9 @@ def _value(
 def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
-    ``misfit`` has the residuals of 2 n + 1 candidates: a point, then n candidates with one coordinate increased, then n
-    candidates with one coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased
-    value of each coordinate. The shape of the result is (n, K, G, m) for G groups (edges, or x and y) of m points in K
-    states.
+    ``misfit`` has the residuals of a point, of n points with one coordinate increased, and of n points with one
+    coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased value of each
+    coordinate.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
@@ -294,12 +293,10 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Append the derivatives by the S uncertain inputs to the derivatives of the residuals by the n unknowns.
+    """Append the derivatives of the residuals in the uncertain inputs to their derivatives in the unknowns.
 
-    ``slopes`` has the derivatives by the unit coordinates (0 to 1) of the unknowns, in mm. ``changes`` has the change
-    of the residuals for one standard uncertainty of each input. The unit coordinate of an input covers 12 standard
-    uncertainties, so that the derivative is 12 times the change. The result has the shape (n + S, K, G, m) for G groups
-    (edges, or x and y) of m points in K states.
+    ``changes`` has the change of the residuals for one standard uncertainty of each input. A unit coordinate from 0 to
+    1 covers 12 standard uncertainties of the input, so that the derivative is 12 times the change.
     """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
@@ -317,33 +314,15 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Return the unknowns and uncertain inputs that explain the linearised residuals best, and the remaining residuals.
+    """Return the values of unknowns and uncertain inputs that explain the linearised residuals best.
 
-    The weighted sum of the squared residuals plus the squared deviations of the priors is minimised. The weights depend
-    on the residuals that remain. The minimum is therefore computed again with new weights, until the mean error hardly
-    changes.
+    The second result is the states with the residuals that remain. The weighted sum of the squared residuals, plus the
+    squared deviations of the priors, is minimised. The weights depend on the residuals that remain, and are computed
+    again until the mean error hardly changes.
 
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    states : sequence of LinearStates
-        The states, linearised at the point ``at``.
-    at : ndarray, shape (n + S,)
-        Unit coordinates of n unknowns and S uncertain inputs.
-    unit : ndarray, shape (n + S,)
-        Centre of the priors of unknowns and inputs.
-    prior : ndarray, shape (n + S, n + S)
-        Inverse variance of the priors.
-    model_mm : sequence of ndarray, shape (K,)
-        Standard deviation of the error of the beam model in each of K states, in mm, for each experiment.
-
-    Returns
-    -------
-    ndarray, shape (n + S,)
-        The minimum in unit coordinates (0 to 1).
-    list of LinearStates
-        The states with their residuals and weights at the minimum.
+    ``states`` are linearised at the point ``at``, in unit coordinates (0 to 1) of the n unknowns and S inputs. The
+    priors have the centre ``unit`` and the inverse variance ``prior``. ``model_mm`` has the remaining error of the beam
+    model in each state, in mm.
     """
     remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):

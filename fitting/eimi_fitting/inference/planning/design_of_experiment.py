@@ -390,11 +390,10 @@ def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the relative change of the goal quantity for a change of each of the n unknowns, shape (n,).
+    """Return the derivatives of the goal quantity in the n unknowns, divided by its value, shape (n,).
 
     The goal quantity is the quantity whose interval is to be narrow: the initial shear modulus, or the parameter of the
-    law with the name ``goal``. The result is its derivatives in the unknowns, divided by its value. KeyError is raised
-    for an unknown name.
+    law with the name ``goal``. KeyError is raised for an unknown name.
     """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:

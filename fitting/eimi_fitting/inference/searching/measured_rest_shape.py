@@ -61,14 +61,15 @@ _TOLERANCE_MM = 1e-4
 class MeasuredRestShape:
     """The rest shape of a specimen, measured from its states without load.
 
+    The deviations from the stated shape are described by modes: smooth functions of the place along the beam.
+
     Attributes
     ----------
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Measured deviations from the stated shape. ``bends_mm`` has the amplitudes in mm of the modes of the middle
-        line, and ``widths_mm`` the amplitudes in mm of the modes of the width. The amplitude is zero for a mode that is
-        not significant.
+        Amplitudes in mm of the modes of the middle line (``bends_mm``) and of the width (``widths_mm``). The amplitude
+        is zero for a mode that is not significant.
     bend_sigma_mm, width_sigma_mm : float
         Largest standard uncertainty of the accepted amplitudes of the middle line (``bend_sigma_mm``) and of the width
         (``width_sigma_mm``), in mm. Zero if no amplitude was accepted.

@@ -143,11 +143,10 @@ def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> 
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return one candidate for each of S moduli, and the unknowns with bounds that contain all S moduli.
+    """Return unknowns with bounds that contain S moduli, and one candidate (set of values) for each modulus.
 
-    The first result is the unknowns of the fit. The bounds of their first coordinate, the modulus, are replaced. The
-    second result is the candidates in unit coordinates (0 to 1 within these bounds), (S, n) for n unknowns. Every other
-    coordinate of the law is in the middle of its range.
+    The candidates are in unit coordinates, (S, n) for n unknowns, from 0 to 1 within the bounds. Every coordinate of
+    the law except the modulus is in the middle of its range.
     """
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))

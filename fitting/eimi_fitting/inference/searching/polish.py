@@ -181,9 +181,8 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
     """Return a damped Gauss-Newton step (n,) that leads from ``unit`` (n,) to a point within the unit cube.
 
-    ``here`` has the residuals of ``unit`` and of its neighbours for central differences: one neighbour on each side in
-    each coordinate. ``distance`` (n,) has the distance between the two neighbours. ``damping`` is added to the diagonal
-    of the Hessian.
+    ``here`` has the residuals of ``unit`` and of its two neighbours in each coordinate, and ``distance`` (n,) the
+    distance between the two neighbours. ``damping`` is added to the diagonal of the Hessian.
     """
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
@@ -198,9 +197,9 @@ def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array
 
         g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
 
-    ``misfits`` has one element for each experiment, with the residuals of 2 n + 1 candidates: a point, then n
-    candidates with one coordinate increased, then n candidates with one coordinate decreased. ``distance`` (n,) has the
-    distance between the increased and the decreased value of each coordinate.
+    ``misfits`` has, for each experiment, the residuals of a point, of n points with one coordinate increased, and of n
+    points with one coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased
+    value of each coordinate.
     """
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
