@@ -111,9 +111,9 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the order of the misfits in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the root mean square residuals of the K states in mm if the clamp may be displaced in the
-        picture. The smaller of both residuals of a state is checked, so that a fit with a displaced clamp is not
-        refused.
+        For each experiment, the root mean square residuals of the K states in mm that remain if the clamp may be
+        displaced in the picture. A state is checked with these residuals if they are smaller, so that a fit with a
+        displaced clamp is not refused.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool

@@ -85,8 +85,9 @@ def shared_equally(
 ) -> Array:
     """Return the logarithms of the probabilities of hypotheses, shared equally between hypotheses that are alike.
 
-    A hypothesis is a set of causes (possible errors of the bench) that are present. Two hypotheses are alike if they
-    differ only in the choice within a class. Their probabilities are added and divided equally.
+    A hypothesis is a set of causes (possible errors of the bench) that are present. A class is a group of causes that
+    the residuals do not distinguish. Two hypotheses are alike if they differ only in the choice within a class. Their
+    probabilities are added and divided equally.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def shared_equally(
     is_uncertain : ndarray of bool, shape (H,)
         Whether the inputs of each hypothesis deviate within their stated uncertainties.
     of_causes : sequence of tuple of int
-        The classes (groups of causes that the residuals do not distinguish), each as indices of its causes.
+        The classes, each as indices of its causes.
 
     Returns
     -------

@@ -76,10 +76,11 @@ class Projection:
     def smooth(self, moves: Array) -> Array:
         """Return the variance of the N coefficients in mm^2, (N,), due to C random errors smooth along each edge.
 
-        The coefficients describe the residuals by polynomials along each edge. ``moves`` (C, N) has the change of the
-        coefficients by each error, in mm. Only the size of an error is used: the root mean square of its changes in an
-        experiment. ``error`` has the variances for a smooth error of the size 1 mm. The result is ``error`` times the
-        sum of the squared sizes of all errors.
+        The coefficients describe the residuals by polynomials along each edge. Row c of ``moves`` (C, N) has the
+        changes of the coefficients by error c, in mm. Their root mean square in an experiment is the size of the error
+        there; the shape of the error is assumed smooth but unknown. Such an error of the size 1 mm gives the variances
+        ``error``. Other variances are proportional to the square of the size, and the variances of all errors are
+        added.
         """
         parts, first = [], 0
         for basis in self.bases:

@@ -109,7 +109,7 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the factor by which each further cause makes a set of causes less probable a priori."""
+        """Logarithm of the prior odds against one more error of the bench."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
@@ -147,8 +147,8 @@ class Weighing:
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
         """Return groups of causes that the residuals do not distinguish, as indices of the causes.
 
-        A cause is a possible error of the bench. Such a group is called a class (`inference.doubts.collinear_causes`).
-        The first cause of each class is the most probable one.
+        A cause is a possible error of the bench. A group is called a class (`inference.doubts.collinear_causes`). Its
+        first cause is the most probable one.
         """
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         alone = self.alone(best)
@@ -198,12 +198,12 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how strongly some coefficients of a hypothesis change the data, in units of the noise.
+        """Return how strongly some coefficients of a hypothesis change the residuals, in units of the noise.
 
         A hypothesis is a set of causes (possible errors of the bench); ``base`` is its index. Its coefficients are
         unknown numbers, such as the size of a cause. ``rows`` are the indices of the coefficients, which have their
-        posterior means. The result is the sum of the squared changes of the data, each divided by the variance of the
-        datum.
+        posterior means. The residuals are described by polynomials along each edge. Each squared change of a polynomial
+        is divided by its variance, and the result is the sum.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error

@@ -84,7 +84,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
 def _signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances, (b, n) in mm, of n points (b, n, 2) from each of b curves (b, S, 3, 2).
 
-    A curve has S quadratic segments; `signed_distance` defines the sign.
+    A curve has S quadratic segments. The sign is positive to the left of the direction of the curve.
     """
     stations = points_on(curves, 4)
     segments = curves.shape[-3]

@@ -105,14 +105,14 @@ class TensileEvidence:
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
         """Return simulated minus measured stress in Pa, (P, m), in m rows of the curve for P candidate laws.
 
-        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
+        ``parameters`` has the n parameters of each law, shape (P, n).
         """
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the residuals of m rows of the curve, divided by their standard deviation, for P candidates, (P, m).
+        """Return the residuals of m rows of the curve, divided by their standard deviation, for P laws, (P, m).
 
-        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
+        ``parameters`` has the n parameters of each law, shape (P, n).
         """
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

@@ -111,8 +111,8 @@ class Moves:
         of_noise : float
             Factor on the changes of the optimum by noise, priors and errors of the beam models.
         of_sources : float or ndarray, shape (S,)
-            One factor on the errors of all S uncertain inputs, or one factor for each input. 0 also leaves out the
-            changes ``further``.
+            One factor on the errors of all S uncertain inputs, or one factor for each input. If all are 0, the
+            further error (``Moves.further``) is left out, too.
 
         Returns
         -------

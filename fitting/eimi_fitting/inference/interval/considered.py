@@ -254,7 +254,7 @@ def changes_by(
     Parameters
     ----------
     candidate : Candidate
-        The candidate.
+        The law and the inputs for which the beam is simulated.
     experiment : Experiment
         The experiment. Its model is replaced by the planar model on the coarse mesh of the search.
     numbers : sequence of (str, int, float)

@@ -81,8 +81,8 @@ class Effect:
     share : float, optional
         Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
     least_percent : float
-        Least value of the 95 % bound of the remaining error of the modulus, in per cent. The bound is not smaller, even
-        if ``share`` gives a smaller one.
+        The 95 % bound of the remaining error of the modulus is at least this value in per cent, even if ``share`` gives
+        a smaller bound.
     """
 
     correction: Correction

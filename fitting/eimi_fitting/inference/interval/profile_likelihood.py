@@ -132,6 +132,8 @@ def interval_ends(
 ) -> Ends:
     """Return the ends of the intervals of n unknowns about an optimum.
 
+    The deviance is minus twice the log-likelihood, minus its smallest value.
+
     Parameters
     ----------
     deviance : callable

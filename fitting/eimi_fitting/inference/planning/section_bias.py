@@ -71,11 +71,10 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return the loads of two states: half of the full load, then the full load.
+    """Return the loads of two states that bend the beam: half of the full load, then the full load.
 
-    The full load turns the tip of the beam by about 45 degrees.
-
-    The load is a field across the beam if the specimen is magnetic, else a tip force. There is no gravity.
+    The load is a field across the beam if the specimen is magnetic, else a tip force. The full load turns the tip of
+    the beam by about 45 degrees. There is no gravity.
     """
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
