@@ -65,8 +65,8 @@ def test_the_terms_of_a_law_are_found_only_with_a_tensile_curve(strip: Path, run
     ("arguments", "expected"),
     [
         (["--term", "gent"], "--term gent: should be one of i1, i2"),
-        (["--term", "i1^2"], "--term: the library holds no term that has stiffness at rest"),
-        (["--term", "i1", "--term", "i1"], "--term: the library holds a term twice"),
+        (["--term", "i1^2"], "--term: the library contains no term that adds to the initial shear modulus"),
+        (["--term", "i1", "--term", "i1"], "--term: the library contains a term twice"),
         (["--section", "solid-ish"], "--section solid-ish: there is no such section; did you mean 'solid'?"),
         (["--tensile-window", "-1"], "--tensile-window -1: should be a strain in percent"),
     ],

@@ -59,7 +59,7 @@ class BentBeam:
     def max_stretch(self) -> Array:
         """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidate laws.
 
-        NaN where the status is neither CONVERGED nor UNSTABLE.
+        NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
         """
         return self._rows(self._where_reached(self.shapes.max_stretch))
 
@@ -67,7 +67,7 @@ class BentBeam:
     def tip_angle_deg(self) -> Array:
         """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidate laws.
 
-        NaN where the status is neither CONVERGED nor UNSTABLE.
+        NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
         """
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
@@ -83,7 +83,7 @@ class BentBeam:
         Returns
         -------
         ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidate laws
-            Positions in mm; NaN where the status is neither CONVERGED nor UNSTABLE.
+            Positions in mm; NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
 
         Raises
         ------
@@ -113,8 +113,8 @@ class BentBeam:
         -------
         ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidate laws
             The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
-            to tip. Each segment is given by three points (x, y) in mm. NaN where the status is neither CONVERGED nor
-            UNSTABLE.
+            to tip. Each segment is given by three points (x, y) in mm. NaN in a state that was not solved: its status
+            is neither CONVERGED nor UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 
@@ -136,9 +136,9 @@ class BentBeam:
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return an array (P, K, ...) with NaN in the states whose status is neither CONVERGED nor UNSTABLE.
+        """Return an array of values (P, K, ...) with NaN in the states that were not solved.
 
-        The array has one row for each of P candidate laws in K states.
+        There are P candidate laws and K states. The status of a solved state is CONVERGED or UNSTABLE.
         """
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)

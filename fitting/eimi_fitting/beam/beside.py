@@ -213,11 +213,11 @@ class SolidBeside:
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest stretch in each of E elements, (1, K, E), see `SolidModel.element_stretch`."""
+        """Return the largest stretch in each of E elements in K states, (1, K, E), see `SolidModel.element_stretch`."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points in mm, (1, K, n, 3), see `SolidModel.positions`."""
+        """Return the positions of n points in K states in mm, (1, K, n, 3), see `SolidModel.positions`."""
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
@@ -236,9 +236,8 @@ class SolidBeside:
         """Return the depth effect, interpolated through as few solved states as the required accuracy allows, or None.
 
         The depth effect is the shape of the solid model minus the shape of the planar model. It is interpolated as a
-        function of a scalar s that measures the bending, see `beam.depth_effect`. ``chosen`` is the candidate law.
-        ``flat`` has the shapes of the planar model in all states, and ``lift`` its displacements at the nodes of the
-        solid mesh.
+        function of a scalar s that measures the bending. ``chosen`` is the candidate law. ``flat`` has the shapes of
+        the planar model in all states, and ``lift`` its displacements at the nodes of the solid mesh.
 
         The states are solved in Leja's order: the next state is the state for which the product of its distances from
         all solved states is largest. A distance is a difference of s. The loop ends when the shape of the solid model
@@ -320,7 +319,7 @@ class SolidBeside:
         """Return the planar shapes in some states as configurations of the solid model, with one row for each state.
 
         Only displacements are set; the stresses stay zero. lift: the planar displacements at the x and y of the nodes
-        of the solid mesh, (1, K, n, 3) in mm. All nodes with the same x and y are displaced equally.
+        of the solid mesh in K states, (1, K, n, 3) in mm. All nodes with the same x and y are displaced equally.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
@@ -378,7 +377,7 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
     Parameters
     ----------
     places : ndarray, shape (K,)
-        The values of s in the states of the new candidate.
+        The values of s in the K states of the new candidate.
     by_turn : bool
         Whether s is the rotation of the tip in these states; otherwise s is the position of the load on a straight
         line. Depth effects with the other measure are not used.

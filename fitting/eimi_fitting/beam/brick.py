@@ -267,7 +267,8 @@ def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: A
 
         S + D : dE + J C^-1 dp,
 
-    with the S, D, J and C of `Evaluation` before the step.
+    with the stress S before the step (second Piola-Kirchhoff), its derivative D by the Green strain, the determinant J
+    of the deformation gradient F, and C = F^T F.
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

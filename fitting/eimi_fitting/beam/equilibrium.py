@@ -319,7 +319,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the configuration after a Newton step, and the largest distance that a node moved, (B,) in mm."""
+        """Return B configurations after a Newton step, and for each the largest move of a node, (B,) in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)

@@ -196,9 +196,9 @@ class System:
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
         """Write the stiffness of the rigid body (the magnet) into the lower band of the system matrix; return the band.
 
-        The last three unknowns are the translation (x, y) and the rotation of the body. rows: the stiffness between
-        these unknowns and m unknowns of the nodes, (B, 3, m). corner: the stiffness between these unknowns themselves,
-        (B, 3, 3).
+        The last three unknowns are the translation (x, y) and the rotation of the body. There are B candidate laws.
+        rows: the stiffness between these unknowns and m unknowns of the nodes, (B, 3, m). corner: the stiffness between
+        these unknowns themselves, (B, 3, 3).
         """
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)

@@ -123,7 +123,7 @@ def twist_per_tilt(
 
 
 def _at_stations(between: Array) -> Array:
-    """Return the tangents of the middle line at S stations (cross-sections), (K, S, 2).
+    """Return the tangents of the middle line at S stations (cross-sections) in K states, (K, S, 2).
 
     between: the tangents between neighbouring stations, (K, S - 1, 2). At an inner station the result is the mean of
     the two tangents beside it. At both ends the result is extrapolated.

@@ -132,9 +132,10 @@ class Vibration:
         """Return the matrices of small motions of B candidate laws about known equilibria, reduced to a few shapes.
 
         chosen: the candidates. loads: the loads in one state. now: the equilibria under these loads, one row for each
-        candidate. basis: the displacements of the nodes, (m, N, d), and the motion of the magnet, (m, 3), in each of m
-        shapes; None: the shapes are the lowest undamped modes. shapes: number of modes that are computed for each ratio
-        in ``stiffenings``. stiffenings: ratios of the modulus in the vibration to the static modulus.
+        candidate. basis: the displacements of the N nodes with d coordinates, (m, N, d), and the motion of the magnet,
+        (m, 3), in each of m shapes; None: the shapes are the lowest undamped modes. shapes: number of modes that are
+        computed for each ratio in ``stiffenings``. stiffenings: ratios of the modulus in the vibration to the static
+        modulus.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -222,7 +223,7 @@ class Vibration:
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
         """Return the displacements of every element in each of m shapes, (m, E, B, u) in mm.
 
-        There are E elements with u displacements each, and B candidate laws, which have different shapes. free: the
+        There are E elements with u displacements each, and B candidate laws, which have different shapes. free: the n
         unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the rigid body (the magnet),
         (m, B, 3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body,
         (Et, B, u, 3); None without a body.
@@ -254,9 +255,9 @@ class Vibration:
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
         """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
 
-        local: displacements of each of E elements in each shape, (m, E, B, u). free: the unknowns of the nodes in each
-        shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the equilibria;
-        the matrices depend on the rotation that the magnet has there.
+        local: the u displacements of each of E elements in each shape, (m, E, B, u). free: the n unknowns of the nodes
+        in each shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the
+        equilibria; the matrices depend on the rotation that the magnet has there.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -270,11 +271,10 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass in each shape, (m, B, 2), for m shapes and B candidate laws.
+        """Return the displacement (x, y) of the point mass on the beam in each shape, (m, B, 2).
 
-        A mass that hangs on a thread moves only along the thread.
-
-        nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
+        There are m shapes and B candidate laws. A mass that hangs on a thread moves only along the thread. nodal:
+        displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
         """
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
@@ -285,8 +285,8 @@ class Vibration:
         of the nodes, (m, B, n), and the second for the motion of the rigid body (the magnet), (m, B, 3).
 
         free: the unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the body, (m, B,
-        3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body, (Et, B,
-        u, 3); None without a body. now: the equilibria; the mass matrix depends on the rotation that the magnet has
+        3). tie: the derivatives of the u displacements of the Et elements at the body by the motion of the body, (Et,
+        B, u, 3); None without a body. now: the equilibria; the mass matrix depends on the rotation that the magnet has
         there.
         """
         local = self._local(free, rigid, tie)

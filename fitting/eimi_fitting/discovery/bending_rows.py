@@ -75,10 +75,10 @@ def bending_rows(
     exact to first order near the coefficients ``about``.
 
     The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
-    nuisance is an error of the modulus by a factor that all beams share. The others are the errors of the inputs for
-    which a file states an uncertainty; an input with several components, such as x and y of the clamp, gives several
-    nuisances. The remaining error of the beam model counts as additional noise in each state. If a beam has no
-    equilibrium, the linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
+    nuisance is an error of the modulus, the same for all beams. The others are the errors of the inputs for which a
+    file states an uncertainty; an input with several components, such as x and y of the clamp, gives several nuisances.
+    The remaining error of the beam model counts as additional noise in each state. If a beam has no equilibrium, the
+    linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
 
     Parameters
     ----------

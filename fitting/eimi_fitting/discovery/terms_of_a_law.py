@@ -270,13 +270,13 @@ def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tu
         If the library contains a term twice, or if no usable term contributes to the initial shear modulus.
     """
     if len(set(library)) < len(library):
-        raise ValueError("the library holds a term twice: give each term once")
+        raise ValueError("the library contains a term twice: give each term once")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
     terms = tuple(term for term in library if term.largest_x > most)
     if not any(term.has_modulus for term in terms):
         raise ValueError(
-            "the library holds no term that has stiffness at rest and a finite stress at all strains of the curves: "
-            "add i1, for example"
+            "the library contains no term that adds to the initial shear modulus and has a finite stress at all "
+            "strains of the curves: add i1, for example"
         )
     return terms, tuple(term for term in library if term not in terms)
 

@@ -54,8 +54,8 @@ class Evidence(Protocol):
         """Return the changes of the k residuals if uncertain inputs change by their standard uncertainties.
 
         An uncertain input is, for example, the width of the beam. Only one input changes at a time. sources: the
-        standard uncertainties of the inputs, by the keys of `SOURCES`. The result has an array (components, k) for each
-        input, by the same keys. An input has several components if it is a vector, such as a background field.
+        standard uncertainties of the inputs, by their names. The result has an array (components, k) for each input, by
+        the same names. An input has several components if it is a vector, such as a background field.
         """
 
 

@@ -107,8 +107,8 @@ class StaticStates:
     sigma : float
         Relative standard uncertainty of the modulus due to noise and mesh.
     of_picture : mapping of str to float
-        Relative change of the modulus if an uncertain input changes by its standard uncertainty, by the keys of
-        `SOURCES`. The inputs are those that change the picture of the beam but not its shape, such as the scale.
+        Relative change of the modulus if an uncertain input changes by its standard uncertainty, by the name of the
+        input. The inputs are those that change the picture of the beam but not its shape, such as the scale.
     """
 
     runs: tuple[StaticRun, ...]

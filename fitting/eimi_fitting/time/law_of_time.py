@@ -57,7 +57,7 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
     """Return the relative standard uncertainties of the magnetic loads that files state, or None if they are not known.
 
-    The keys of the result are keys of `LOAD_SOURCES`, such as "remanence". stated: the sources of uncertainty that
+    The keys of the result are the names of the sources, such as "remanence". stated: the sources of uncertainty that
     files state. The result is None without a magnet, or if no file states the uncertainty of the magnetic moment.
     """
     magnet = specimen.magnet
@@ -126,8 +126,9 @@ class Problem:
         """Return the changes of the k residuals of the data if uncertain inputs change by their uncertainties.
 
         An uncertain input is, for example, the width of the beam. Only one input changes at a time, by its standard
-        uncertainty. sources: these uncertainties, by the keys of `SOURCES`. The result has an array (components, k) for
-        each input, by the same keys. An input has several components if it is a vector, such as a background field.
+        uncertainty. sources: these uncertainties by the names of the inputs. The result has an array (components, k)
+        for each input, by the same names. An input has several components if it is a vector, such as a background
+        field.
         """
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
@@ -213,9 +214,9 @@ class TimeOptimum:
     def with_free_load(self) -> TimeOptimum:
         """Return the optimum of the same fit without knowledge of the magnetic moment.
 
-        The factor on the magnetic loads then has a wide prior, with the standard deviation `FREE_LOAD` of its
-        logarithm. The same prior is used if no file states the uncertainty of the moment. The least-squares fit starts
-        at the present optimum.
+        The factor on the magnetic loads then has a wide prior: the standard deviation of its logarithm is 0.3. The same
+        prior is used if no file states the uncertainty of the moment. The least-squares fit starts at the present
+        optimum.
         """
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)

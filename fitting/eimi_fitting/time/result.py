@@ -232,7 +232,7 @@ def result_of(
     data_s : tuple of float
         Range of times in s that the data cover.
     sources : mapping of str to float
-        Standard uncertainties by the keys of `SOURCES`.
+        Standard uncertainties of the uncertain inputs, such as the width, by name.
     effects, steps : mapping of str to ndarray
         Changes of the residuals (``effects``) and of the unknowns (``steps``) by these uncertainties, see
         `Problem.effects` and `TimeOptimum.steps`.

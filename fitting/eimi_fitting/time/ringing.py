@@ -127,7 +127,7 @@ class RingingBeam:
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
         """Return the same beam and loads with deviations of uncertain inputs, such as the width, from stated values.
 
-        deviations: the deviations by the keys of `SOURCES`.
+        deviations: the deviations by the names of the inputs.
         """
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
@@ -375,8 +375,8 @@ class RingTable:
         Parameters
         ----------
         sources : mapping of str to float
-            Standard uncertainties of the inputs, such as the width of the beam, by the keys of `SOURCES`. Only one
-            input changes at a time, by its standard uncertainty.
+            Standard uncertainties of the inputs, such as the width of the beam, by name. Only one input changes at a
+            time, by its standard uncertainty.
 
         Returns
         -------
