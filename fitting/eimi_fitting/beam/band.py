@@ -251,7 +251,7 @@ def _general_factors(
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
     """Return the LU factors and pivots of B band matrices, and whether each matrix could be factorised, shape (B,).
 
-    lower, upper: lower bands (B, n, w) of the matrices and of their transposes.
+    lower, upper: lower bands of the matrices and of their transposes, (B, n, w), with n rows and w diagonals.
     """
     n, width = lower.shape[1:]
     while True:

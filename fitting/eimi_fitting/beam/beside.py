@@ -295,8 +295,8 @@ class SolidBeside:
 
         Newton's method begins at the planar shape plus the difference ``predicted``, which was interpolated from the
         states that are already solved. If it does not converge in a few steps, it begins again at the planar shape
-        alone. The second attempt is needed, for example, if only the two outermost states are solved, and these bend
-        in opposite directions. The straight line between them is a bad start for a state in the middle.
+        alone. The interpolated difference is a bad start, for example, if only the two outermost states are solved, and
+        these bend in opposite directions.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:

@@ -179,7 +179,8 @@ class DepthEffect:
         """Return whether this depth effect can be the base to which another candidate law only adds a correction.
 
         places: the values s of the bending in all states of the other candidate. All of them must lie in the range of s
-        in which this depth effect was computed, extended by a tenth of its length at both ends.
+        in which this depth effect is valid: the range of the solved states, extended by a tenth of its length at both
+        ends.
         """
         return bool(self.without_base.reaches(places).all())
 

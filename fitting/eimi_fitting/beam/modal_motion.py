@@ -118,9 +118,10 @@ def fixed_point(
     """Return the complex rates s of the vibrations of a viscoelastic beam, by fixed-point iteration.
 
     Let r be the modulus in the vibration, divided by the static modulus. If r were a fixed number, a mode would have
-    the rate s with s² = -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass M (see
-    the module). But the ratio r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is
-    therefore solved by iteration: r(s) at the last s gives the next s. Aitken's method accelerates the convergence.
+    the rate s with s² = -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass matrix;
+    K_m is the stiffness due to the tangent of the law, and K_g the stiffness due to stresses and loads. But the ratio
+    r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is therefore solved by iteration: r(s)
+    at the last s gives the next s. Aitken's method accelerates the convergence.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def twist_per_tilt(
     out_of_plane_N_m2: float,
     torsion_N_m2: float,
 ) -> Array:
-    """Return the twist of a beam at S stations in K states, divided by the angle of the magnetisation to the plane.
+    """Return the twist of a beam at S stations in K states, divided by the angle gamma of the magnetisation.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def twist_per_tilt(
     Returns
     -------
     ndarray, shape (K, S)
-        Rotation of the cross-section about the middle line divided by gamma, the angle of the magnetisation to the
-        plane. The rotation is positive from y toward z.
+        Rotation of the cross-section about the middle line, divided by gamma. The angle gamma lies between the
+        magnetisation and the plane of the picture. The rotation is positive from y toward z.
     """
     step = 1e-3 * np.diff(middle_mm, axis=1)
     spacing = np.linalg.norm(step, axis=-1)

@@ -75,9 +75,9 @@ class Discovery:
         The sets that the data cannot distinguish from the best set and that contain no smaller set with the same
         property. The sets with the fewest terms come first.
     open_terms : dict of Term to float
-        Terms that may or may not be part of the law, because the data limit their coefficients too weakly: each could
-        be added to the only alternative, and could then carry more than 15 % of the stress at ``strain``. The values
-        are these shares of the stress. Empty if there are several alternatives.
+        Terms that the data neither require nor exclude: each could be added to the law, and could then carry more than
+        15 % of the stress at ``strain``. The values are these shares of the stress. Empty if there are several
+        alternatives.
     strain : float
         Largest strain of the tensile curves, as a ratio; 1 if there is no curve.
     library : tuple of Term

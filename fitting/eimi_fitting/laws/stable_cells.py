@@ -31,8 +31,8 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents of the three terms of f(e) for P candidate laws, see the module
-        `laws.stable_cells`.
+        (P, 3) weights and exponents for P candidate laws. An entry of the Hessian of the strain energy by the
+        logarithmic stretches e is f(e), the sum of three terms weight exp(alpha e).
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 

@@ -74,7 +74,7 @@ class RingEvidence:
     inflation : float
         Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
     repeats : int
-        Number of ring-downs with the same table. The errors of the table are common to all of them.
+        Number of ring-downs under the same loads. They have the same table, and its errors are common to all of them.
     age_s : float
         Time in s from the last change of the load to the vibrations. The material has relaxed for this time. The
         equilibrium about which the beam vibrates is computed with the modulus at this time.

@@ -282,7 +282,7 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times in s at which the integration steps between two changes of the load end.
+    """Return the times in s at the ends of the integration steps between two changes of the load.
 
     ``first`` and ``last`` are the times of the two changes. The steps are short just after ``first``, where the beam
     moves fast, and become longer. The times in ``wanted``, at which the rotation is needed, are among the ends. After

@@ -428,9 +428,9 @@ def _budget(
     """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects.
 
     terms, optimum: the unknowns of the law, and their optimum. omega, dynamic: angular frequency in rad/s, and dynamic
-    modulus in Pa at this frequency. draws_fit: draws of the unknowns that contain the noise only. sources: standard
-    uncertainties of the inputs. steps: changes of the unknowns if an input changes by its uncertainty. load_sigmas:
-    relative standard uncertainties of the magnetic loads. small: the small effects, such as the air.
+    modulus in Pa at this frequency. draws_fit: draws of the unknowns without the errors of the inputs. sources:
+    standard uncertainties of the inputs. steps: changes of the unknowns if an input changes by its uncertainty.
+    load_sigmas: relative standard uncertainties of the magnetic loads. small: the small effects, such as the air.
     """
     entries = []
 

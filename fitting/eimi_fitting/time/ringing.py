@@ -272,7 +272,10 @@ class RingTable:
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(eigenvalue) of three planar modes at r = 0.9 and 1.2, with r times a factor, (3, 2)."""
+            """Return ln(eigenvalue) of three modes of the planar model at r = 0.9 and r = 1.2, (3, 2).
+
+            log_factors: for each mode, the logarithm of a factor by which r is first multiplied.
+            """
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 
