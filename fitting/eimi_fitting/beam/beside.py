@@ -243,8 +243,8 @@ class SolidBeside:
         all solved states is largest. A distance is a difference of s. The loop ends when the shape of the solid model
         in a new state differs by less than ``accuracy_mm`` from the shape that was interpolated before.
 
-        The result is None if the loads of the states do not lie on a straight line, or if Newton's method needs more
-        than a few steps from the planar to the solid shape in a state that is solved.
+        The result is None if the loads of the states do not lie on a straight line. It is also None if Newton's method
+        needs more than a few steps from the planar to the solid shape in a state.
         """
         along = _along_ray(loads)
         if along is None:

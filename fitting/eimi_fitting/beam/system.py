@@ -109,8 +109,8 @@ class System:
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of all E elements with d unknowns each, or an iterable over the matrices of groups of
-            ``at_once`` elements (the argument of `System`). The matrices of a group are not kept in memory.
+            The matrices of all E elements with d unknowns each. An iterable yields them in groups of ``at_once``
+            elements (an argument of `System`), so that only one group is in memory at a time.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
