@@ -167,7 +167,7 @@ def test_existing_files_are_replaced_only_on_request(photographed: Path) -> None
     saved(photographed, CLICKED, BEAM, GRAMS, False)
     (photographed / "specimen.toml").unlink()
     before = {file.name: file.read_bytes() for file in photographed.iterdir()}
-    with pytest.raises(InputError, match="calibration.toml: exists already"):
+    with pytest.raises(InputError, match=r"calibration\.toml: exists already"):
         saved(photographed, CLICKED, {**BEAM, "name": ""}, GRAMS, False)
     assert {file.name: file.read_bytes() for file in photographed.iterdir()} == before
     changed = saved(photographed, CLICKED, {**BEAM, "name": "", "material": None}, {**GRAMS, "IMG_11.png": 2}, True)

@@ -108,7 +108,7 @@ def test_a_wrong_current_is_refused_before_anything_is_written(own: Path, curren
 def test_existing_files_are_replaced_only_on_request(own: Path) -> None:
     (own / "states.csv").write_text("frame,current_A\n,1\np_2.png,\np_10.png,0.5\n")
     assert opened(own)["currents"] == {"p_10.png": "0.5"}
-    with pytest.raises(InputError, match="states.csv: exists already"):
+    with pytest.raises(InputError, match=r"states\.csv: exists already"):
         saved(own, NUMBERS, {"p_2.png": 1}, False)
     assert not (own / "calibration.toml").exists()
     assert saved(own, NUMBERS, {"p_2.png": 1}, True)["states"] == 1
