@@ -393,10 +393,9 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
     """Return the arc lengths (px) at which an edge is searched, evenly spaced from `begin` to `end`, and a stride s.
 
-    Only every s-th arc length gives a point of the result. The other arc lengths serve to estimate the scatter of the
-    points. The result has at most `MOST_POINTS` points, at least `spacing` apart. The stride s is chosen so that
-    neighbouring arc lengths are at most `widest` apart. It is smaller if neighbouring profiles would otherwise overlap
-    (a profile is read from a strip of the picture).
+    Only every s-th arc length gives a point of the edge; the others serve to estimate the scatter of the points. An
+    edge has at most `MOST_POINTS` points, at least `spacing` apart. Neighbouring arc lengths are at most `widest`
+    apart, or more if the strips of the picture that are read at them would otherwise overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

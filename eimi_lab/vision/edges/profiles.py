@@ -388,11 +388,10 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return which of n fitted profiles (grey values along lines across the edge) may determine the shared unknowns.
 
-    A profile is left out if its RMS residual, divided by the height of its step, is more than three times the median of
-    its group, for example because of dirt on the edge. `group` (n,) is the side of the magnet that a profile crosses,
-    or -1. Profiles beside a magnet form groups of their own, because they have two steps and therefore larger residuals
-    at first. `residuals` (n, m) are measured minus fitted grey values at m points, and `step` (n,) the heights of the
-    steps.
+    A profile is left out if its relative residual is more than three times the median of its group, for example because
+    of dirt on the edge. The relative residual is the RMS of the m `residuals` (n, m) of the profile, divided by the
+    height `step` (n,) of its step. `group` (n,) numbers the groups: one for each side of a magnet, and -1 for the other
+    profiles.
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

@@ -63,7 +63,7 @@ def estimate_gamma(
     place = np.bincount(bins, weights=places[near_edge])[full] / count[full]
     mean = np.bincount(bins, weights=values)[full] / count[full]
     dark, blur = float(np.clip(mean[0], 0.01, 0.9)), float(np.clip(blur_px, 0.3, 9.0))
-    gamma = _near_one(place, mean, np.sqrt(count[full]), dark, blur)
+    gamma = _gamma_in_one_step(place, mean, np.sqrt(count[full]), dark, blur)
     if abs(gamma - 1.0) < _CLEARLY_STRAIGHT:
         return gamma
     start = (1.0, dark, 0.0, blur, 1.0)
@@ -78,15 +78,15 @@ def estimate_gamma(
     return gamma if is_certain and lowest < 0 else None
 
 
-def _near_one(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
+def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
     """Estimate gamma from a mean profile across the edge, by one linear least-squares step from gamma = 1.
 
     The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
 
     The mean profile consists of bins of the distance from the edge. `place` is the distance of each bin in px, positive
     on the bright side. `mean` is the mean grey value in the bin, 1 at the bright end, and `weight` is the square root
-    of the number of grey values in the bin. First guesses are given for the light `dark` at the dark end and for the
-    standard deviation `blur` of the blur in px. The step corrects both together with gamma.
+    of the number of grey values in the bin. `dark` is a first guess of the light at the dark end, and `blur` of the
+    standard deviation of the blur in px.
     """
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)

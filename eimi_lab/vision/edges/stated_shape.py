@@ -124,9 +124,9 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """Arc length along the edge of a specimen whose width varies, from the clamp to each of several places, mm.
+        """Distances from the clamp, measured along the edge of a specimen whose width varies, mm.
 
-        The array `_along_mm` holds the distances of the same places from the clamp along the straight axis.
+        They belong to the same places as the distances along the straight axis in `_along_mm`.
         """
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])

@@ -28,8 +28,8 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     """Move one edge inward if the body is too wide, and if the colour changes strongly at about the stated width.
 
     The stated width is measured from the other edge. The search is made for each of the two edges. If both searches
-    find an edge, the one with the stronger change of colour is used. The region between the found edge and the former
-    border must be darker than the surroundings, as a shadow is.
+    find an edge, the one with the stronger change of colour is used. The region between the old and the new place of
+    the edge must be darker than the surroundings, as a shadow is.
 
     Parameters
     ----------

@@ -120,8 +120,8 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 def sure_share(sound: Mask) -> dict[str, float]:
     """Return how much of the followed path has reliable edges, as a measured value for the quality checks.
 
-    The followed path leads from the clamp to the end of the search. For each edge, the share of the path is computed on
-    which this edge is reliable ("sure"). The smaller of the two shares is returned.
+    The followed path leads from the clamp to the end of the search. Each edge is reliable ("sure") on a share of this
+    path. The smaller of the two shares is returned.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Return the chain with the given stations, and measure direction and width at its end away from the clamp.
+        """Return a chain: stations of one edge that belong to one line, with direction and width at their end.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ class _Chain:
         width : ndarray, shape (m,)
             Width of the beam in nominal widths; NaN where it is unknown.
         stations : ndarray of int, shape (n,)
-            The stations of the chain, from the clamp outward.
+            Indices of the stations of the chain, from the clamp outward.
         lever : int
             Number of stations, the last ones of the chain, to which a straight line is fitted for the direction.
         near : int
@@ -296,7 +296,7 @@ class _Chain:
         return cls(stations, end, foot, direction, _median_width(width[stations[-near:]]))
 
     def leads_to(self, ahead: Array, scale: float) -> bool:
-        """Return whether the straight line through the end of this chain leads to n points of the edge after a gap.
+        """Return whether this part of an edge, continued as a straight line, leads to n points after a gap.
 
         ahead: the points, px, shape (n, 2). scale: nominal width of the beam, px.
         """
