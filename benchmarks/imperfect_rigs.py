@@ -72,7 +72,7 @@ class Imperfection:
     Attributes
     ----------
     cause : str
-        The name of the imperfection among the causes of `fits.json`; "none" for the perfect rig.
+        The name of the imperfection, as in the list of possible causes in `fits.json`; "none" for the perfect rig.
     words : str
         The size of the imperfection, in words.
     specimen : callable

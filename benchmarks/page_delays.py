@@ -9,9 +9,9 @@ browser reports to the server that the frame is drawn. The delay of a stop is th
 until the emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its
 delay ends when the emulated supply takes the current of zero.
 
-The delay of a stop begins at the time that the browser gives to the key event. A test tool presses the key here. It
-needs two processes, which also wait for a busy processor, and a person's key press does not. The delay from the call of
-the test tool, which is longer, is printed in brackets.
+A test tool presses the key. The time of the key press is the time that the browser gives to the key event, because the
+tool needs two more processes, which also wait for a busy processor. The longer delay from the call of the tool is
+printed in brackets.
 """
 
 from __future__ import annotations

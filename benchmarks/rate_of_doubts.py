@@ -124,7 +124,7 @@ def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
 
 
 def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
-    """Return lines of text that say how many fits name a cause, name a wrong cause, have a doubt, and so on.
+    """Return lines of text that say how many fits name a cause of their residuals, name a wrong cause, or have a doubt.
 
     ``values`` has, for each fit, the true size of each cause by its name.
     """

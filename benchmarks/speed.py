@@ -35,7 +35,7 @@ TOLERANCE_MM = 1e-2  # tolerance of the simulated shapes, as in a fit
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return `size` sets of the n parameters of the law `name`, shape (size, n), to be solved as candidates.
+    """Return `size` different sets of the n parameters of the law `name`, shape (size, n).
 
     They are the example parameters of the law, with moduli that differ by about a third.
     """

@@ -33,9 +33,9 @@ _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(
 
 
 def record(tests: Sequence[str], add: bool = False, jobs: int = 2) -> int:
-    """Run the tests with coverage in `jobs` processes, and write the map; return pytest's exit status.
+    """Run tests in `jobs` processes, and write which lines of the code each test executes; return pytest's exit status.
 
-    If `add` is true, the tests are added to the existing map.
+    If `add` is true, the tests are added to the earlier result.
     """
     with tempfile.TemporaryDirectory() as folder:
         new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"

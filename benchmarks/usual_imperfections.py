@@ -65,7 +65,7 @@ def nominal(specimen: Specimen) -> tuple[BeamModel, Shapes]:
 
 
 def logarithm(case: Case) -> float:
-    """Fit one experiment without simulating its own beam, and return ln(identified / true modulus)."""
+    """Fit one experiment by interpolation between simulated beams, and return ln(identified modulus / true modulus)."""
     rng = np.random.default_rng([case.seed, case.number])
     observed = measured(case, deviations_drawn(rng, case.stated), rng).observed
     model, shapes = nominal(case.specimen)
@@ -93,7 +93,7 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment without simulating its own beam, and return the modulus with a 95 % interval.
+    """Fit one experiment by interpolation between simulated beams, and return the modulus with a 95 % interval.
 
     The interval has the mean relative width of the full fits with the same beam and noise, which `ends` contains.
     """

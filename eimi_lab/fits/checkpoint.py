@@ -7,8 +7,8 @@ CMA-ES is deterministic: with the same seed and the same objectives it proposes 
 therefore proposes the logged candidates again, and reads their objectives instead of computing them. Numbers are
 written with all their digits, so that the resumed search continues exactly as without the interruption. Processors of
 another kind round differently in the last digit. The numbers of a repeated generation may therefore differ from the
-logged numbers by one millionth. An incomplete line is skipped, and the generation of this line is
-computed again.
+logged numbers by a millionth of their size. An incomplete line is skipped, and the generation of this line is computed
+again.
 """
 
 from __future__ import annotations

@@ -283,10 +283,10 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
-    """Return the keys of specimen and calibration for which the files give no uncertainty.
+    """Return the names of the inputs for which the files of specimen and calibration give no uncertainty.
 
-    If the specimen gives no uncertainty at all, the word `dimensions` replaces the keys of the specimen. If the
-    calibration gives no uncertainty at all, the word `calibration` replaces the keys of the calibration.
+    A fit takes these inputs as exact. If the specimen file gives no uncertainty at all, the word `dimensions` replaces
+    the names of its inputs. For a calibration without any uncertainty, the word `calibration` replaces them.
     """
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())

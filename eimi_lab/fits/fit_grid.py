@@ -163,8 +163,8 @@ def fit_grid(
 class _Underway:
     """The function that a search calls after each generation: it logs the generation and shows the progress.
 
-    `task` describes the fit, `tell` shows a line of text to the user, and `log` appends the generation to a checkpoint;
-    None without a checkpoint.
+    `task` describes the fit, `tell` shows a line of text to the user, and `log` appends the generation to a checkpoint
+    (a file that stores the progress). Without a checkpoint `log` is None.
     """
 
     task: str

@@ -50,9 +50,9 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the InputError that explains an error of `REFUSALS` to the user, with the path of the dataset.
+    """Return the InputError that tells the user why a fit was refused, with the path of the dataset.
 
-    `REFUSALS` lists the kinds of error with which a fit is refused.
+    `error` is of one of the kinds in `REFUSALS`.
     """
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]

@@ -336,7 +336,8 @@ def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Riv
 
     The criterion contains the states that can be chosen, and computes how accurate a run with some of them would be.
     The first `currents` states have the currents I, and the next `currents` states have the currents -I in the same
-    order. Raises ValueError if the beam has an equilibrium at both currents of fewer than two pairs.
+    order. A pair can be chosen if the beam has an equilibrium at both currents. Raises ValueError if fewer than two
+    pairs can be chosen.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]

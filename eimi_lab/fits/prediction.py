@@ -56,8 +56,8 @@ def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
     """Return the simulations of several fits on one dataset, with the 95 % intervals of their mean errors.
 
     Each fit comes with the evidence of the dataset: loads, measurements and a beam model whose cross-section is
-    modelled as in the fit (section assumption). Raises InputError if a law was fitted to this dataset with another
-    section assumption.
+    modelled as in the fit. Raises InputError if a law was fitted to this dataset with another model of the
+    cross-section.
     """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
@@ -77,7 +77,7 @@ def predict_on_each(
     ----------
     datasets : sequence
         For each dataset a sequence of pairs: a fit, and the evidence of the dataset (loads, measurements and beam
-        model). The evidence has the section assumption of the fit: solid, plane stress or plane strain.
+        model). The beam model has the cross-section that the fit assumes: solid, plane stress or plane strain.
     step_done : callable
         Called with a line after each simulated fit and after each interval.
     executor : callable, optional
@@ -95,7 +95,7 @@ def predict_on_each(
     Raises
     ------
     InputError
-        If a law was fitted to a dataset with another section assumption.
+        If a law was fitted to a dataset with another model of the cross-section.
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:

@@ -35,11 +35,10 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 
 
 def _best_tension(findings: Findings, key: str, section: str) -> int:
-    """Return the index of the best law for a material, of those fitted to its tensile curve.
+    """Return which law has the smallest errors, among the laws fitted to the tensile curve of a material.
 
-    The index is the place in `findings.routes(key, section)`. The best law has the smallest sum of mean errors on those
-    specimens to which no law was fitted and which do not twist. `key` is the material, and `section` the model of the
-    cross-section.
+    The result is an index in `findings.routes(key, section)`. The mean errors on all specimens to which no law was
+    fitted and which do not twist are added. `key` is the material, and `section` the model of the cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
@@ -193,8 +192,7 @@ _NEAR = np.array([-0.5, 0.5])  # mm from the tip
 def _by_field(findings: Findings) -> Figure:
     """Draw figure 9: the error of each law against the field.
 
-    The error is the mean over the types of specimen to which no law was fitted. Type 4 is left out because it twists,
-    unless it is the only such type.
+    The error is the mean over the types of specimen to which no law was fitted and which do not twist.
     """
     keys, kinds = findings.inputs.extent.materials, untwisted(findings)
     figure, grid = _grid(len(keys), len(SECTIONS), 4.6, 2.8)

@@ -114,9 +114,10 @@ def evaluations_to_one_percent(extent: Extent, seed: int) -> list[dict[str, Any]
     Returns
     -------
     list of dict
-        A row for each law and optimiser. Each of these entries has a value for each seed: `to_one_percent`, the number
-        of evaluations after which the modulus of the best candidate stays within one per cent of the modulus of the
-        optimum (None: never); `evaluations`, the number of all evaluations; `least_error_um`, the smallest error in µm.
+        A row for each law and optimiser. Three entries of a row are lists with a value for each seed: `to_one_percent`,
+        the number of evaluations after which the modulus of the best candidate stays within one per cent of the modulus
+        of the optimum (None: never); `evaluations`, the number of all evaluations; `least_error_um`, the smallest error
+        in µm.
     """
     experiment = _experiment()
     rows = []

@@ -68,8 +68,7 @@ class Findings:
         y.
     bending : dict of list
         Fits to the bending of a specimen of type 1, one for each law, by material and section assumption (model of the
-        cross-section: in plane strain or as a solid). Types 1 to 4 are specimens of different
-        dimensions.
+        cross-section: in plane strain or as a solid). Types 1 to 4 are specimens of different dimensions.
     tensile : dict of list
         Fits to tensile curves, by material.
     errors : dict of list

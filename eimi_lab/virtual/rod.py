@@ -2,12 +2,15 @@
 
 The rod follows Simo (1985, Comput. Methods Appl. Mech. Eng. 49:55), in the plane. The rotation, the stretch and the
 shear of the rod are sums of Legendre polynomials of the arc length. The bending stiffness is that of a long beam, three
-times the shear modulus times the second moment of area. Three numbers are computed from static shapes of the virtual
-solid, under a small torque, a small force and a large torque. The clamp keeps the section from changing its shape, so
-that the rod begins at a short distance from the clamp. The soft material around the magnet is modelled as a hinge
-between the rod and the magnet. Strongly bent silicone is softer, and the moment of the rod therefore grows more slowly
-than its curvature. The lowest frequency of the rod agrees with that of a finely meshed solid within 0.06 %, at rest
-and in the strongest field.
+times the shear modulus times the second moment of area. Three properties let the rod bend like the virtual solid:
+
+- It begins at a short distance from the clamp, because the clamp keeps the section from changing its shape.
+- It has a hinge at the magnet, which models the soft material around the magnet.
+- It softens when it is strongly bent: its moment grows more slowly than its curvature.
+
+The length, the stiffness of the hinge and the softening are computed from static shapes of the solid under a small
+torque, a small force and a large torque. The lowest frequency of the rod agrees with that of a finely meshed solid
+within 0.06 %, at rest and in the strongest field.
 """
 
 from __future__ import annotations
