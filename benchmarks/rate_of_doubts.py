@@ -87,9 +87,9 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def drawn_values(seed: int) -> dict[str, float]:
-    """Return the true size of each possible cause in a bench, by the name of the cause.
+    """Return how far the true bench deviates from its files, for each deviation that a fit can name as a cause.
 
-    The size is computed from the drawn deviations of the inputs from the files, in the unit that a fit uses.
+    The result maps the name of the cause to its true size, in the unit in which a fit gives it.
     """
     drawn = {key: float(values[-1]) for key, values in _deviations(seed).items()}
     magnet = STATED.mechanics().magnet
@@ -109,7 +109,7 @@ def drawn_values(seed: int) -> dict[str, float]:
 
 
 def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
-    """Return the causes that a fit names with a wrong size.
+    """Return the causes of the residuals that a fit names with a wrong size.
 
     ``values`` has the true size of each cause by its name.
     """

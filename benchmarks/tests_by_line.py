@@ -73,7 +73,7 @@ class TestsByLine:
     __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
-        """Read the recorded map from its file. Raises FileNotFoundError if no map was recorded."""
+        """Read from a file which tests execute which lines. Raises FileNotFoundError if this was not recorded."""
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
