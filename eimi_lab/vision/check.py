@@ -84,7 +84,8 @@ class Check:
     remedy : str
         A sentence that tells a person what to do. The method `flag` replaces the words in braces.
     picture : str
-        Content of the rendered example picture. Of several checks with the same name, only one has a picture.
+        What the example picture in the documentation shows. Of several checks with the same name, only one has a
+        picture.
     below : bool
         True if the flag is raised for values below `limit` (and `unusable_beyond`), not for values above.
     severity : Severity
@@ -92,8 +93,8 @@ class Check:
     unusable_beyond : float, optional
         Second limit: a value beyond this limit makes the state unusable.
     widens : callable, optional
-        Function of the measured value that returns the standard deviation that a doubtful value adds to the edge points
-        of the state.
+        Function from a doubtful measured value to a standard deviation, by which the edge points of the state become
+        more uncertain.
     widens_in : {"px", "mm", "width", "depth"}
         Unit of the standard deviation that `widens` returns; see `Flag`.
 

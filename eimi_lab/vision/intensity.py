@@ -13,7 +13,7 @@ _GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compr
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
-    """Return one colour channel of an image; of a colour image, the brightest channel.
+    """Return the grey values of an image; for a colour image, the values of its brightest channel.
 
     Under a coloured back-light, the other channels contain almost only noise. A mean of the channels would hide that
     one channel is clipped.
@@ -88,8 +88,8 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
     image : ndarray, shape (H, W) or (H, W, 3)
         The image; H rows, W columns.
     coloured : bool
-        True for three channels: a grey image is copied into each of them. False for grey values: the first channel of
-        an image whose channels agree. If the channels differ, the image is returned unchanged, and keeps its colours.
+        True to return three channels; those of a grey image are equal. False to return grey values; an image whose
+        channels differ is then returned unchanged.
 
     Returns
     -------

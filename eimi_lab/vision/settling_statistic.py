@@ -77,18 +77,15 @@ class Noise:
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
         if before.dtype == after.dtype == np.uint8:  # a table gives the same values in less time
-            expected = self._of_sums.take(np.add(before, after, dtype=np.intp))
+            expected = self._variances_by_sum.take(np.add(before, after, dtype=np.intp))
             return float(cv2.norm(after, before, cv2.NORM_L2SQR) / len(chosen) / (2 * np.mean(expected)))
         before, after = before.astype(np.float64), after.astype(np.float64)
         expected = 2 * np.interp((before + after) / 2, self.levels, self.variances)
         return float(np.mean((after - before) ** 2) / np.mean(expected))
 
     @cached_property
-    def _of_sums(self) -> NDArray[np.float64]:
-        """Variance of the noise for the two grey levels that a pixel has in two 8-bit frames: a table, (511,).
-
-        The index is the sum of the two grey levels. The variance is that at their mean.
-        """
+    def _variances_by_sum(self) -> NDArray[np.float64]:
+        """Variance of the noise at the mean of two 8-bit grey levels, by the sum of the two levels, shape (511,)."""
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
@@ -168,9 +165,10 @@ def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
-    """Return the steepness of the smoothed image in the rows `top` to `bottom` and the columns `left` to `right`.
+    """Return the magnitude of the gradient of the smoothed image in a rectangle of the image.
 
-    The row `bottom` and the column `right` are the first ones outside.
+    The rectangle contains the rows from `top` and the columns from `left`. The row `bottom` and the column `right` are
+    the first ones outside.
     """
     first_row, first_column = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
     around = image[first_row : bottom + REACH_PX, first_column : right + REACH_PX]
@@ -180,10 +178,10 @@ def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int
 
 
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
-    """Return, for each column of each strip of rows, a value that the steepness of the image cannot exceed.
+    """Return upper bounds of the steepness of an image (the magnitude of its gradient), shape (S, W).
 
-    The image is divided into S strips of `STRIP_ROWS` rows; the shape is (S, W). The bound follows from the range of
-    the grey values within `REACH_PX` of the column: the range times `STEEPEST_STEP`, plus the rounding error. It is
+    The image of W columns is divided into S strips of `STRIP_ROWS` rows. The bound for a column of a strip is the range
+    of the grey values within `REACH_PX` of this column, times `STEEPEST_STEP`, plus the rounding error. The bounds are
     computed faster than the steepness.
     """
     height, width = image.shape

@@ -143,7 +143,10 @@ def even_turn_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def _turn_deg(apparent: float, width: float, depth: float) -> float:
-    """Return the angle φ (degrees) for which width · cos φ + depth · sin φ equals the width `apparent`."""
+    """Return the angle φ (degrees) by which a box must be turned about its axis to look as wide as `apparent`.
+
+    The turned box looks as wide as width · cos φ + depth · sin φ.
+    """
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
     return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)

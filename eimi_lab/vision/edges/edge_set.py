@@ -78,8 +78,7 @@ END_SHARE = 0.1
 def tip_angle_deg(edges: EdgeSet) -> float:
     """Return the direction of the tip (degrees), from +x (along the undeformed beam) toward +y (across the beam).
 
-    The direction is the mean over the last tenth of both edges. The points of an edge end a few pixels before the
-    corner of the tip.
+    The direction is the mean over the last tenth of both edges.
 
     Parameters
     ----------

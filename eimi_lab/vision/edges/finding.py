@@ -226,10 +226,12 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
     """Return whether the edges from the silhouette are in doubt, so that the beam is followed from its clamp instead.
 
-    In a colour picture, any flag (failed quality check) of the outline is a reason. A grey picture may have been taken
-    in front of a back-light, where the silhouette gives the best edges. There the only reason is an outline that
-    reaches the border of the picture. If the beam in a grey picture is brighter than its surroundings (`lit_beam`), the
-    picture has no back-light, and any flag that makes the edges unusable is a reason.
+    The edges are in doubt:
+
+    - in a colour picture, if the outline has any flag (failed quality check);
+    - in a grey picture of a bright beam (`lit_beam`), if a flag of the outline makes the edges unusable;
+    - in a grey picture of a dark beam, only if the outline reaches the border of the picture. Such a picture was
+      probably taken in front of a back-light, where the silhouette gives the best edges.
     """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:

@@ -313,8 +313,8 @@ def _locate(
     curves : sequence of SmoothCurve
         One curve for each side of the outline.
     arc_lengths : sequence of (ndarray, int)
-        For each curve, the arc lengths at which the edge is searched, and the stride s: every s-th arc length belongs
-        to a point of the result.
+        For each curve, the arc lengths at which the edge is searched, and a number s: only every s-th located point is
+        stored as a point of the edge.
     outward : sequence of float
         For each curve, +1 if the bright surroundings of the beam lie clockwise of the tangent of the curve, else -1.
     stations_px : ndarray, shape (m,)

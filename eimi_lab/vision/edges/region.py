@@ -39,7 +39,10 @@ class Region:
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
-        """Convert the result of a search in the rectangle to the whole picture: move the corners of the beam."""
+        """Convert edges that were found in the cut part of the picture (this region) to the whole picture.
+
+        The points of the edges are in mm and do not change; the corners of the beam are moved.
+        """
         corners = edges.corners_px + np.array([self.left, self.top])
         return replace(edges, corners_px=corners, calibration_digest=self.digest)
 

@@ -184,7 +184,10 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes of the calibration or of the specimen's width, each with a description for the message."""
+    """Yield changes that may let the search find the beam, each with the text that suggests this change to a person.
+
+    A change is a dictionary from a key of the calibration, or ``"width_mm"`` of the specimen, to another value.
+    """
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (

@@ -2,7 +2,7 @@
 
 The projection is Fisher's linear discriminant of the colours in a window along the edge,
 
-    share = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
+    number = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
 
 with the mean colours m_in inside and m_out outside, and the mean C of the two colour covariances (R. A. Fisher, "The
 use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179). The beam may be brighter or

@@ -270,11 +270,11 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Fit a smooth spline to n points of an edge; return their signed distances from it and the degrees of freedom.
+    """Fit a smooth spline to n points of an edge; return the signed distances of the points from it, shape (n,).
 
-    points: shape (n, 2). kept: whether a point is used for the fit, shape (n,). The distances have the shape (n,). All
-    pieces of the spline have the same length, so that the spline can follow the shape of the edge also where points are
-    few.
+    Also return the number of points minus the number of parameters of the spline (the degrees of freedom of the fit).
+    points: shape (n, 2). kept: whether a point is used for the fit, shape (n,). The spline has pieces of equal length.
+    Pieces with equally many points would be too long where points are few.
     """
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))

@@ -2,8 +2,7 @@
 
 The surface of a wrapped, woven or segmented body displaces the points of an edge by much more than the noise of the
 pixels, and neighbouring points by similar amounts. The edge of a bent beam does not vary like this: over half a width,
-it is smooth. The points of such an edge are therefore averaged along the edge, as the profiles of every edge are
-averaged over four pixels.
+it is smooth. The points of such an edge are therefore averaged along the edge.
 """
 
 from __future__ import annotations
