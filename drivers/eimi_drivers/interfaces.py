@@ -217,7 +217,7 @@ class PowerSupply(Protocol):
         """Return the identity that the supply reports."""
 
     def set_voltage(self, voltage_V: float) -> None:
-        """Set the compliance voltage (V) and verify the set-point. Raises SetPointRefused, SetPointNotTaken.
+        """Set the compliance voltage (V) and verify the set-point.
 
         The compliance voltage is the largest voltage that the supply applies in order to reach the set current.
 
@@ -230,7 +230,7 @@ class PowerSupply(Protocol):
         """
 
     def set_current(self, current_A: float) -> None:
-        """Set the current (A) and verify the set-point. Raises SetPointRefused, SetPointNotTaken.
+        """Set the current (A) and verify the set-point.
 
         Raises
         ------
@@ -322,7 +322,7 @@ class Camera(Protocol):
         """Discard the frames that were exposed before this call."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame within `timeout_s` (s). Raises InstrumentTimeout, InstrumentDisconnected.
+        """Return the next frame within `timeout_s` (s).
 
         Raises
         ------
@@ -389,7 +389,7 @@ class Sensor(Protocol):
         """Return the identity that the sensor reports."""
 
     def read(self) -> SensorReading:
-        """Return a new value of the sensor. Raises InstrumentTimeout, InstrumentDisconnected, ReplyNotUnderstood.
+        """Return a new value of the sensor.
 
         Raises
         ------

@@ -906,10 +906,10 @@ def test_slopes_are_central_differences() -> None:
 
 
 def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
-    """The error of the beam model is the root sum of squares of the errors that remain after two corrections.
+    """The error of the beam model is the root sum of squares of the errors that two corrections leave.
 
-    The corrections change all points by 0.1 mm and by 0.2 mm. A tenth of the first change and half of the second change
-    are 95 % bounds of the remaining errors.
+    The corrections change all points by 0.1 mm and by 0.2 mm. With a probability of 95 %, the first one leaves at most
+    a tenth of its change, and the second one at most half.
     """
     shape = (2, 2, 5)
     effects = [

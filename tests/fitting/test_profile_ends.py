@@ -21,10 +21,10 @@ HALF = np.array([0.05, 0.1])
 
 
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
-    """Return the deviance as a function of candidates, shape (n, 2), from one function `parts` for each coordinate.
+    """Return a function that computes the deviance of n points with two coordinates, shape (n, 2).
 
-    The deviance is the sum of the parts, each at the distance of its coordinate from the optimum. The returned function
-    gives the deviances and half of their gradients.
+    The deviance is the sum of two functions, `parts`: each is a function of the distance of one coordinate from the
+    optimum. The returned function also gives half of the gradients of the deviance.
     """
 
     def deviance(units: Array) -> tuple[Array, Array]:
@@ -107,10 +107,10 @@ def test_an_end_that_is_not_reached_within_the_bounds_is_the_bound() -> None:
 
 
 def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
-    """If the deviance never reaches the value of an end, 4, the end stays at the distance of the first guess.
+    """If the deviance never reaches 4, the value at the end of an interval, the end stays at its first guess.
 
-    The deviance of this test is below 1 up to the distance 0.02. Candidates (values of the unknowns) farther away are
-    not valid: their deviance is infinite.
+    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it is below 1 up to the
+    distance 0.02 from the optimum. Values of the unknowns farther away are not valid: their deviance is infinite.
     """
 
     smooth = of_coordinates(quadratic(HALF[0]), quadratic(HALF[1]))
@@ -129,11 +129,11 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the ends of the intervals of a fit, and the candidates that were evaluated to check an open upper end.
+    """Return the ends of the intervals of two unknowns after a check, and the points at which the check was made.
 
-    The fit has two coordinates; the second belongs to the bulk modulus if `has_bulk` is true. An end should have the
-    deviance 1. high: upper end of the second coordinate before the check. values: the deviances of the candidates, in
-    the order in which they are evaluated.
+    The ends have the deviance 1 (the deviance is twice the decrease of the log-likelihood). If the second unknown is
+    the bulk modulus (`has_bulk`), its interval extends to an incompressible material, unless the deviance of such a
+    material exceeds 10. high: upper end of the second unknown before this check. values: the deviances of the points.
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

@@ -1,9 +1,11 @@
-"""The modulus keeps an error after a fit is corrected by the solid beam model, and this error is never stated as zero.
+"""After its correction by the solid beam model, the modulus of a fit still has an error, which is never stated as zero.
 
-A fit uses a planar beam model. Its residuals are then corrected to those of a solid (three-dimensional) model, and the
-fit is repeated (one pass). The effect of the correction is the change of the optimum by all passes. The stated error is
-a fixed share of the effect. If the passes do not converge, it is at least the change by the last pass. In all cases it
-is at least a fixed number of per cent of the modulus.
+A fit uses a planar beam model. In each pass of the correction, the residuals are changed to those of a solid
+(three-dimensional) model, and the fit is repeated. The stated error is at least each of three numbers:
+
+- a fixed share of the change of the modulus by all passes;
+- the change by the last pass, if the passes do not converge, but not more than the change by all passes;
+- a fixed number of per cent of the modulus.
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
     return SimpleNamespace(unit=np.array([unit]), evaluation=SimpleNamespace(objective_mm=np.array([error_mm])))
 
 
-def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the optimum, and the effects of the correction by the solid model, of a fit that needs several passes.
+def corrected(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
+    """Return the final optimum of a fit that is corrected by the solid beam model, and the effect of the correction.
 
-    In each pass, the correction is computed at the present optimum, and the fit is repeated. `optima` holds the optimum
-    after each pass, in place of a real fit. The optimum before the first pass is 0.
+    In each pass of the correction, the fit is repeated with corrected residuals. `optima` are the prepared optima after
+    each pass, in place of real fits. The optimum before the first pass is 0.
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(
@@ -45,7 +47,7 @@ def left(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]
 def test_a_correction_that_converges_leaves_a_share_of_its_effect_and_at_least_a_fixed_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    optimum, (effect,) = left(monkeypatch, at(0.5), at(0.504))
+    optimum, (effect,) = corrected(monkeypatch, at(0.5), at(0.504))
     assert optimum.unit == pytest.approx([0.504])
     assert effect.moved == pytest.approx([0.504])
     assert (effect.share, effect.least_percent) == (0.05, 0.15)
@@ -54,7 +56,7 @@ def test_a_correction_that_converges_leaves_a_share_of_its_effect_and_at_least_a
 def test_the_last_change_of_a_correction_that_does_not_converge_remains_uncertain(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    optimum, (effect,) = left(monkeypatch, at(0.5), at(0.9), at(0.6))
+    optimum, (effect,) = corrected(monkeypatch, at(0.5), at(0.9), at(0.6))
     assert optimum.unit == pytest.approx([0.6])
     assert effect.share == pytest.approx(max(0.3 / 0.6, SOLID.remaining_share))
     assert effect.least_percent == 0.15
@@ -63,7 +65,7 @@ def test_the_last_change_of_a_correction_that_does_not_converge_remains_uncertai
 def test_a_pass_that_increases_the_error_is_not_accepted_and_its_change_remains_uncertain(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    optimum, (effect,) = left(monkeypatch, at(0.5), at(0.9, error_mm=0.02))
+    optimum, (effect,) = corrected(monkeypatch, at(0.5), at(0.9, error_mm=0.02))
     assert optimum.unit == pytest.approx([0.5])
     assert effect.share == pytest.approx(max(0.4 / 0.5, SOLID.remaining_share))
 

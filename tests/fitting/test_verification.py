@@ -126,7 +126,10 @@ def test_displacement_and_pressure_converge_with_their_orders():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the exact hydrostatic pressure (mu = 1) in the inflated cylinder of `inflate` at the reference radii R."""
+    """Return the exact hydrostatic pressure in an inflated thick cylinder at the undeformed radii R, divided by mu.
+
+    The cylinder has the radii 1 and 2; stretch: inner radius after the inflation.
+    """
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)
     # Radial equilibrium: sigma_r(R) = -(ln(lam/outer) + (outer^-2 - lam^-2)/2); sigma_r = lam^-2 - tr b/3 + p.

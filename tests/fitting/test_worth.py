@@ -1,4 +1,6 @@
-"""Likelihood profiles, the directions that data determine, comparisons of laws and the coverage of intervals are right.
+"""Likelihood profiles, comparisons of laws, and the coverage of intervals are right.
+
+If the data determine only a combination of parameters, such as their sum, this combination is named.
 
 The tests use objectives and measurements whose results are known.
 """

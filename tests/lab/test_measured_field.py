@@ -44,7 +44,10 @@ def test_given_uncertainties_of_the_gaussmeter_increase_the_uncertainties_of_the
 
 
 def test_uncertainties_that_the_gaussmeter_reports_count_only_for_complete_readings():
-    """Without an uncertainty in the rig file, that of one reading is the root mean square of the reported ones."""
+    """The uncertainty of one reading is the root mean square of those that the gaussmeter reports.
+
+    Readings without a current, a field or an uncertainty are left out. An uncertainty in the rig file has precedence.
+    """
     current_A = np.array([0.0, 0.5, np.nan, 1.0, 0.7])
     reported_mT = np.array([0.03, 0.04, 50.0, np.nan, 50.0])
     line = field_line(HALL, current_A, 4.7 * current_A + [0.0, 0.0, 0.0, 0.0, np.nan], reported_mT)

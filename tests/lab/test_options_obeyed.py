@@ -278,7 +278,10 @@ def test_a_file_that_a_command_reads_is_never_overwritten_even_with_force(
 def test_an_existing_result_is_refused_before_any_input_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, command: str
 ) -> None:
-    """The inputs cannot be read. A command that read them first, or computed for an hour, would tell something else."""
+    """A command that may not overwrite its output file ends at once, before it reads its inputs.
+
+    The inputs of this test are no valid files. A command that read them first would report them.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pictures").mkdir()
     for name in ("a.h5", "b.csv", "c.toml", "f.json", "p.toml", "r.toml", "s.toml", "t.csv", "x.png", "old"):

@@ -43,7 +43,11 @@ def test_a_process_in_the_session_of_another_process_lowers_only_itself() -> Non
 
 
 def after_giving_way(leads_a_session: bool) -> tuple[int, int, str]:
-    """Return the change of the nice value of a process that gave way, the new value, and the text of its session."""
+    """Start a process that lowers its own priority; return by how much its nice value rose, and the new nice value.
+
+    Also return the contents of /proc/self/autogroup, which show the priority of the session of this process.
+    leads_a_session: whether the process is the leader of a session.
+    """
     options = detached() if leads_a_session else {}
     ran = subprocess.run([sys.executable, "-c", GIVE_WAY], stdout=subprocess.PIPE, text=True, check=True, **options)
     lowered, nice, session = json.loads(ran.stdout)

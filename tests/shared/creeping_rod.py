@@ -71,12 +71,12 @@ class CreepingRod:
         ends = [self._force(z + e, field_mT) - self._force(z - e, field_mT) for e in _STEP * np.eye(len(z))]
         return np.stack(ends, axis=1) / (2 * _STEP)
 
-    def _hardness(self, z: Array) -> Array:
+    def _strain_derivatives(self, z: Array) -> Array:
         """Return the derivatives of the n strains (`Rod.strain`) with respect to the n coordinates, shape (n, n)."""
         return np.stack([self.rod.strain_rate(z, e) for e in np.eye(len(z))], axis=1)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
-        """Return the coordinates at the end of a step in time, at which the forces balance the loads, (n,).
+        """Return the n coordinates of the rod after a step in time, at which its internal forces balance the loads.
 
         Each term of the Prony series remembers earlier changes of the coordinates, and forgets them with its time
         constant.
@@ -86,7 +86,7 @@ class CreepingRod:
         remembers at the end, (terms,).
         """
         gain = float(gains.sum())
-        matrix = (1 + gain) * self._hardness(z) - self._tangent(z, field_mT) / self._elastic[:, None]
+        matrix = (1 + gain) * self._strain_derivatives(z) - self._tangent(z, field_mT) / self._elastic[:, None]
         new, strain = z, self.rod.strain(z)
         for _ in range(_CHORDS):
             moved = self.rod.strain(new)
@@ -133,7 +133,7 @@ class CreepingRod:
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
         rest = -np.stack([self._tangent(z, field_mT) for z in coordinates])
         rest = 0.5 * (rest + rest.swapaxes(1, 2))
-        material = np.stack([self._elastic[:, None] * self._hardness(z) for z in coordinates])
+        material = np.stack([self._elastic[:, None] * self._strain_derivatives(z) for z in coordinates])
         long_term = float(self._series.long_term)
         roots = complex_roots(material, rest, masses, lambda s: self._series.complex_ratio(s) / long_term, 1)[:, 0]
         stiffening = float(np.real(self._series.complex_ratio(1j * roots[0].imag)) / long_term)

@@ -104,8 +104,8 @@ class EmulatedSession:
     def _watch(self) -> None:
         """Begin the fault at its time, and report changes of the current, while the supply is served.
 
-        The method returns only for the fault REENUMERATE (the port gets another name): when the line of the supply is
-        cut, the caller has to serve the supply at another address.
+        The method returns only after the fault REENUMERATE has cut the line of the supply (the connection). The caller
+        then has to serve the supply at another address.
         """
         leaves = self._fault is Fault.REENUMERATE
         while not (leaves and self._line.lost):

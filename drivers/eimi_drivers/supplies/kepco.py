@@ -32,10 +32,10 @@ class KepcoBopSupply(ScpiSupply):
     The driver switches a Kepco BOP off by setting the current to zero; the output itself stays on. `output_on`
     therefore returns True only if the output is on and the current set-point is not zero.
 
-    Before the output is switched on, the driver sets two limits inside the supply and reads them back: the limit of the
-    current (CURR:LIM), to the current limit of the driver, and the limit of the voltage, which follows the voltage that
-    `set_voltage` sets (VOLT:PROT with VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). Both limits apply to positive
-    and negative values.
+    Before the output is switched on, the driver sets two limits inside the supply and reads them back. The limit of the
+    current (CURR:LIM) is the current limit of the driver. The limit of the voltage is the voltage that `set_voltage`
+    sets (VOLT:PROT with VOLT:PROT:MODE FIX; BOP-GL 1KW manual, page B-29). Both limits apply to positive and negative
+    values.
     """
 
     name = "kepco-bop"

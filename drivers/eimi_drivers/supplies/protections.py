@@ -24,8 +24,8 @@ def armed_in_words(protections: str) -> str:
 def check_level(address: str, question: str, level: float, limit: float, answer: float) -> None:
     """Raise SetPointNotTaken if the level of a protection in the supply differs too much from the level sent.
 
-    A supply may round the level. A difference of ``PROTECTION_MARGIN - 1`` times `limit` is therefore allowed. For the
-    usual level, `PROTECTION_MARGIN` times `limit`, the level in the supply is then between 1 and 1.2 times `limit`.
+    A supply may round the level, so that a difference of 0.1 · `limit` is allowed. The level sent is usually 1.1 ·
+    `limit` (see `PROTECTION_MARGIN`). The level in the supply is then between 1 and 1.2 times `limit`.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class SupplyBench:
     def energised(self) -> bool:
         """Return whether the emulated supply gives current: its output is on, and its current set-point is not zero.
 
-        The output alone does not tell this, because some drivers switch off by a current of zero.
+        The output may stay on without a current, because some drivers switch off by a current of zero.
         """
         return self.coil.state.output and self.coil.state.set_current_A != 0.0
 

@@ -150,11 +150,11 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """For each figure that compares two laws, return the origins of its printed numbers among the predicted values.
+    """Return, for each figure that compares two laws, from which predicted value each printed number comes.
 
     The predictions of the two laws are invented numbers. A printed number is described by the place of the invented
-    number, such as `states.0.field_mT`, the factor from this number to the printed number, and the unit (`traced`).
-    Both laws are the law of `fit`; the figures show the second one as the law of a tensile fit.
+    number, such as `states.0.field_mT`, the factor from this number to the printed number, and the unit. Both laws are
+    the law of `fit`; the figures show the second one as the law of a tensile fit.
     """
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],
