@@ -87,12 +87,12 @@ class BandAssembly:
     def _indices(self, batch: int) -> list[list[_Layer]]:
         if batch == 1:  # a solid's indices are large, and a copy of them would have the same values
             return self._layers
-        if batch not in self._cache:
+        if (indices := self._cache.get(batch)) is None:
             if len(self._cache) > 32:
                 self._cache.clear()
             shift = np.arange(batch, dtype=np.intp)[:, None]
             size, d2 = self.n * (self.bandwidth + 1), self._block
-            self._cache[batch] = [
+            indices = self._cache[batch] = [
                 [
                     (
                         (source + source // d2 * ((batch - 1) * d2) + shift * d2).ravel(),
@@ -103,7 +103,7 @@ class BandAssembly:
                 ]
                 for layers in self._layers
             ]
-        return self._cache[batch]
+        return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
         """Divide an array of element matrices into the groups of elements that are added to the band one after another.

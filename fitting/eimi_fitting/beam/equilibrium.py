@@ -22,7 +22,7 @@ from eimi_fitting.beam.element import Batch
 from eimi_fitting.beam.mesh import Indices, Mesh
 from eimi_fitting.beam.pressure import FollowerPressure
 from eimi_fitting.beam.rigid import RigidBody, dead_moment
-from eimi_fitting.beam.system import System
+from eimi_fitting.beam.system import structure_of
 
 Array = NDArray[np.float64]
 
@@ -223,7 +223,8 @@ class Solid:
         number[self.free] = np.arange(len(self.free))
         d, self._unknowns = self.dimensions, self.dimensions * mesh.elements.shape[1]  # of an element
         dofs = number.reshape(-1, d)[mesh.elements].transpose(0, 2, 1).reshape(-1, self._unknowns)
-        self.system = System(dofs, len(self.free), None if self.body is None else self.body.elements, self.kind.AT_ONCE)
+        tied = None if self.body is None else self.body.elements
+        self.system = structure_of(dofs, len(self.free), tied, self.kind.AT_ONCE)
         # Where the element arrays (E, ., d, nodes) find their values in (., N * d).
         self._gather = (mesh.elements[:, None, :] * d + np.arange(d)[:, None]).reshape(-1)
 

@@ -7,6 +7,7 @@ length therefore does not change the tables.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -60,7 +61,11 @@ class RestShape:
         at, angles = np.array(self.turns).T
         if len(at) < 4:  # too few rows for a cubic: straight lines between them
             return np.asarray(np.interp(shares, at, angles))
-        return np.asarray(scipy.interpolate.CubicSpline(at, angles)(np.clip(shares, at[0], at[-1])))
+        return np.asarray(self._cubic(np.clip(shares, at[0], at[-1])))
+
+    @cached_property
+    def _cubic(self) -> scipy.interpolate.CubicSpline:
+        return scipy.interpolate.CubicSpline(*np.array(self.turns).T)
 
     @property
     def kinks(self) -> Array:

@@ -14,6 +14,7 @@ The Schur complement D - R K^-1 C needs three additional right-hand sides. All s
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -218,6 +219,23 @@ class System:
             return factorise(lower, sound, only_definite=only_definite)
         upper = self._assembly.matrix(matrices.swapaxes(-1, -2) for matrices in parts)
         return factorise(lower, sound, self._put(upper, *body) if body else upper)
+
+
+def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
+    """Return the structure of the linear system of a mesh; see `System` for the parameters.
+
+    The structure depends on the numbers of the unknowns, but not on the places of the nodes. Meshes whose elements all
+    belong to one group therefore share a structure if they differ only in size or shape.
+    """
+    if at_once is not None:
+        return System(dofs, n, tied, at_once)
+    return _shared_structure(dofs.tobytes(), dofs.shape, n, None if tied is None else tied.tobytes())
+
+
+@lru_cache(maxsize=32)
+def _shared_structure(dofs: bytes, shape: tuple[int, ...], n: int, tied: bytes | None) -> System:
+    elements = None if tied is None else np.frombuffer(tied, np.intp)
+    return System(np.frombuffer(dofs, np.intp).reshape(shape), n, elements)
 
 
 class FactoredSystem:

@@ -35,7 +35,8 @@ _LINEAR, _LINEAR_LAW = 0.005, 2e-4
 # With 0.002, virtual solids with one cause got a second one of negligible size.
 _OF_MOVE = 0.01
 _POOR = 4.0  # above this ratio of misfit to noise, a single cause is fitted with renewed slopes
-_GAUSS_NEWTON = 5  # largest number of these steps
+_GAUSS_NEWTON = 8  # largest number of these steps
+_SMALL_DECREASE = 0.01  # a smaller decrease of the sum of squares, in units of the noise, ends them
 _STEP, _LAW_STEP = 0.05, 3e-3  # of their finite differences, in prior standard deviations
 NEGLIGIBLE = 0.3  # prior sizes below which a cause is improbable
 _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
@@ -352,38 +353,62 @@ class Weighing:
     def _minimised(self, row: int, amplitudes: Array) -> Array:
         """Return the most probable amplitudes of the causes of one hypothesis, by Gauss-Newton with simulations.
 
+        The slopes of the residuals are computed once, by finite differences. Each further step corrects them by the
+        change of the residuals in the step before (Broyden 1965, Mathematics of Computation 19:577).
+
         ``row`` is the index of the hypothesis, a set of causes (possible errors of the bench). An amplitude is the size
         of a cause, and Gauss-Newton starts from ``amplitudes``.
         """
-        best, least = amplitudes.copy(), np.inf
-        best[self._simulated_common : self._common] = 0.0
-        active = np.flatnonzero(best[:-1]).tolist()
-        steps = np.where(np.arange(len(self._scale)) < self._common, _LAW_STEP, _STEP) * self._scale
-        trial = best.copy()
+        trial = amplitudes.copy()
+        trial[self._simulated_common : self._common] = 0.0
+        best, least = trial.copy(), np.inf
+        active = np.flatnonzero(trial[:-1]).tolist()
+        scale = self._scale[active]
+        slopes: Array | None = None
+        step: Array = np.zeros(len(active))
+        before: Array = np.zeros(0)
         for _ in range(_GAUSS_NEWTON):
-            here = self._simulated(self.hypotheses[row], trial)
-            if here is None:
+            simulated = self._simulated(self.hypotheses[row], trial)
+            if simulated is None:
                 break
-            residual, slopes = self._project.of(here), []
+            residual = self._project.of(simulated)
             value = float((residual**2 / self._project.noise).sum() + ((trial / self._scale) ** 2).sum())
             if value >= least:
                 break
-            best, least = trial.copy(), value
-            for i in active:
-                if self._law <= i < self._common:
-                    slopes.append(self._rows[i] / self._scale[i])
-                    continue
-                ahead = trial.copy()
-                ahead[i] += steps[i]
-                there = self._simulated(self.hypotheses[row], ahead)
-                if there is None:
-                    return best
-                slopes.append((self._project.of(there) - residual) / steps[i])
-            weighted = np.array(slopes) / self._project.noise
-            normal = weighted @ np.array(slopes).T + np.diag(self._scale[active] ** -2)
-            score = weighted @ residual + trial[active] * self._scale[active] ** -2
-            trial[active] -= np.linalg.solve(normal, score)
+            decrease, best, least = least - value, trial.copy(), value
+            if decrease < _SMALL_DECREASE:
+                break
+            if slopes is None:
+                slopes = self._slopes(row, trial, residual, active)
+                if slopes is None:
+                    break
+            else:
+                slopes = slopes + np.outer(step, residual - before - step @ slopes) / (step @ step)
+            weighted = slopes / self._project.noise
+            normal, score = weighted @ slopes.T + np.eye(len(active)), weighted @ residual + trial[active] / scale
+            step, before = -np.asarray(np.linalg.solve(normal, score), float), residual
+            trial[active] += step * scale
         return best
+
+    def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
+        """Return the derivatives of the residuals by some amplitudes of a hypothesis, or None without an equilibrium.
+
+        A derivative is the change of the N coefficients of the residuals in mm (`_project`) for one prior standard
+        deviation of an amplitude. The shape is (n, N) for the n amplitudes with the numbers ``active``. ``residual``
+        has the coefficients of the residuals for ``amplitudes``.
+        """
+        slopes = []
+        for i in active:
+            if self._law <= i < self._common:  # the linear model alone has these amplitudes
+                slopes.append(self._rows[i])
+                continue
+            step, ahead = _LAW_STEP if i < self._common else _STEP, amplitudes.copy()
+            ahead[i] += step * self._scale[i]
+            simulated = self._simulated(self.hypotheses[row], ahead)
+            if simulated is None:
+                return None
+            slopes.append((self._project.of(simulated) - residual) / step)
+        return np.array(slopes)
 
     def _weigh(self, y: Array, of_move: Array) -> Posterior:
         self._variance = self._project.noise + of_move
@@ -402,8 +427,10 @@ class Weighing:
         squares = np.stack([standard.squares[:, rows].max(axis=1) for rows in shown], axis=1)
         holds = np.array([[cause in hypothesis for cause in causes] for hypothesis in hypotheses])
         factors = 2 * np.log(np.where(holds, squares / (squares + NEGLIGIBLE**2), 1.0)).sum(axis=1)
-        most = np.where(np.arange(len(self._scale)) < self._law, np.inf, _MOST_SIZES)
-        means = np.clip(standard.means, -most, most) * self._scale
+        unit = self._about.unit[self._about.kept]  # the law stays inside its range, as in the simulations
+        least, most = -_MOST_SIZES * self._scale, _MOST_SIZES * self._scale
+        least[: self._law], most[: self._law] = -unit, 1 - unit
+        means = np.clip(standard.means * self._scale, least, most)
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
