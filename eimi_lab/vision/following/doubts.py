@@ -25,10 +25,9 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     """Return by how much (px) an edge may be wrong because it is the border of the beam's own shadow; 0 if it is not.
 
     Both edges of a beam are about equally far from the lens, and therefore equally blurred. The border of a shadow is
-    more blurred, because the lamp has a size. A shadow is also darker than its surroundings in every colour. An edge is
-    suspected if it is clearly more blurred than the other edge, and if every colour is darker on its inner side. If it
-    is far more blurred, the colours do not matter. The border of the shadow lies outside the beam, so that the beam
-    looks too wide.
+    more blurred, because the lamp has a size, and a shadow is darker than its surroundings in every colour. An edge may
+    therefore be the border of a shadow if it is clearly more blurred than the other edge, and if every colour is darker
+    on its inner side. An edge that is at least twice as blurred as the other may be such a border whatever its colours.
 
     Parameters
     ----------

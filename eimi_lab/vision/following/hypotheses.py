@@ -189,10 +189,10 @@ def updated_templates(
     """Return the remembered colours and the variances of strips after another step of the search.
 
     A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
-    colours count as equal. The variance of a strip moves by 12 % toward the variance of the present colours, but only
-    downward. It falls because the search begins at the clamp, where a clip, a tape or glue may have more colours than
-    the beam. It never rises: a body that crosses the beam could otherwise raise it, and the edges farther from the
-    clamp would no longer stand out.
+    differ by less than three standard deviations (`tolerance`). The variance of a strip moves by 12 % toward the
+    variance of the present colours if these vary less. It falls because the search begins at the clamp, where a clip, a
+    tape or glue may have more colours than the beam. It never rises, because a body that crosses the beam could
+    otherwise raise it, and the edges farther from the clamp would no longer stand out.
 
     Parameters
     ----------
@@ -200,8 +200,10 @@ def updated_templates(
         Present colours across n strips.
     template : ndarray, shape (n, 9, channels)
         Remembered colours.
-    tolerance, variance : ndarray, shape (n,)
-        Variances of a colour; see `Hypotheses`.
+    tolerance : ndarray, shape (n,)
+        Variance of the colours of each strip near the clamp.
+    variance : ndarray, shape (n,)
+        Variance of the colours of each strip in the step before.
     least : float
         Smallest variance that is assumed for a colour (`least_variance`).
 
@@ -225,9 +227,9 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
     """Return the variance of the colours of each of n strips, summed over the channels, shape (n,).
 
     A strip is a band that may show the beam. The variance is the sum of the smallest possible variance `least`, of the
-    variance `scatter` (n,) of the colours along the strip, and of a share of the variance across the strip. `inside`,
-    shape (n, 9, channels), holds the colours at nine points across the inside. Only a share is taken because a round
-    beam is shaded.
+    variance `scatter` (n,) of the colours along the strip, and of a share of the variance across the strip. Only a
+    share is taken because a round beam is shaded. `inside`, shape (n, 9, channels), holds the colours at nine points
+    across the inside.
     """
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 

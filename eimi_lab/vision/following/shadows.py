@@ -113,7 +113,7 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
     """Return, for each of n stations, whether the hue of the region between an edge and a border is that of a shadow.
 
     A station is a place along the beam. A shadow has nearly the hue of the surroundings. The result is True if the hue
-    of the region differs from that of the surroundings by less than half as much as the hue of the beam does.
+    of the region is less than half as far from the hue of the surroundings as the hue of the beam is.
     """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
