@@ -49,10 +49,9 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tested module change the replacements `SimpleExperiment` and `Loaded`.
+    """Let the function `replace` of the tested module also accept `SimpleExperiment` and `Loaded`.
 
-    The module changes objects by `dataclasses.replace`, which accepts dataclasses only. Here, a function takes its
-    place.
+    The function `dataclasses.replace`, which the module uses, accepts dataclasses only.
     """
 
     def replaced(one: Any, **new: Any) -> Any:

@@ -75,7 +75,7 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate the cylinder by a radial traction on its inner face; return the mesh and its deformed shape.
+    """Inflate a thick cylinder by a radial traction on its inner face; return the mesh and its deformed shape.
 
     The traction is given for the undeformed area: the pressure in the deformed shape times the stretch of the inner
     radius.

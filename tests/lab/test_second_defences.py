@@ -51,7 +51,7 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 class FilmedBeam:
     """A replacement for a camera: its n-th frame shows a beam at the place `place_px(n)`.
 
-    If `buffered` is set, so many old frames come first. They show the beam at 40 px, and `flush` discards them.
+    First come `buffered` old frames, which show the beam at 40 px, unless `flush` has discarded them.
     """
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:

@@ -49,10 +49,10 @@ def scattered(along: Array, seed: int) -> Array:
 
 @pytest.mark.parametrize("few_of", [0.3, 0.0])
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
-    """The scatter of the points of a wavy edge is estimated rightly, also where only every tenth point remains.
+    """The scatter of the points of a wavy edge is estimated rightly, also if a part of the edge has few points.
 
-    In one case this is a part of the edge, in the other case the whole edge is complete. The waves must not be taken
-    for scatter.
+    On this part, the share `few_of` of the length, only every tenth point remains. The waves must not be taken for
+    scatter.
     """
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]

@@ -78,12 +78,11 @@ class CreepingRod:
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
         """Return the n coordinates of the rod after a step in time, at which its internal forces balance the loads.
 
-        Each term of the Prony series remembers earlier changes of the coordinates, and forgets them with its time
-        constant.
+        Each term of the Prony series remembers earlier changes of the strains, and forgets them with its time constant.
 
-        z: coordinates at the start of the step, (n,). faded: what remains at the end of the step of the memory that
-        each term had at the start, (terms, n). gains: for each term, the share of the change in this step that it
-        remembers at the end, (terms,).
+        z: coordinates before the step, (n,). faded: for each term, the changes before this step that it still remembers
+        after the step, (terms, n). gains: for each term, the share of the change in this step that it remembers after
+        the step, (terms,).
         """
         gain = float(gains.sum())
         matrix = (1 + gain) * self._strain_derivatives(z) - self._tangent(z, field_mT) / self._elastic[:, None]

@@ -73,10 +73,10 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 
 
 def another_unit(driver: str, clock: Clock) -> Responder:
-    """Return a second emulated supply of the same model, which is off and has another serial number.
+    """Return a second emulated supply of the same model, which is off.
 
-    `driver` is the name of the family in `DIALECTS`. A Korad has no serial number. The second supply of this family
-    therefore has the same identity as the first supply.
+    It differs from the first supply in its serial number. If the family has no serial numbers, as Korad supplies, both
+    supplies have the same identity. `driver` is the name of the family in `DIALECTS`.
     """
     unit = emulate(driver, CoilSupply(clock))
     if isinstance(unit, ScpiDialect):

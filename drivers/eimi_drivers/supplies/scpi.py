@@ -186,7 +186,7 @@ class ScpiSupply(SupplyBase):
         check_level(self._link.address, self._fill(question), level, level / PROTECTION_MARGIN, answer)
 
     def _bring_about_modes(self) -> None:
-        """Set the modes of the supply (`Profile.modes`) in which its set-points are voltage and current of the coil.
+        """Set the modes that a supply needs to control the voltage and the current of the coil (`Profile.modes`).
 
         An example is constant current. A mode that is right already is not changed. Raises SetPointNotTaken if a mode
         is still wrong afterwards.

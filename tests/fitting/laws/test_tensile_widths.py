@@ -45,9 +45,9 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """If a fit sets the modulus of an Ogden term to zero, the interval of this modulus still has a width.
+    """If a fit sets the modulus of an Ogden term to zero, the interval of this modulus has a width above zero.
 
-    The true curve has one of three terms. The interval is as wide as the largest modulus that the noise could hide.
+    The true curve has only one of the three terms of the law. The noise could hide small moduli of the other two terms.
     """
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
