@@ -1,9 +1,9 @@
 """Send to the guardian process a supply driver that the user's program added.
 
-The guardian process switches the coil off if the run dies. In the guardian process, the registry `SUPPLIES` contains
-only the drivers of this package and of installed packages. A driver of the user's program is therefore sent with
-cloudpickle. If the class of the driver comes from a module, the guardian process imports the module. If the class comes
-from a script or a notebook, the code of the class is sent.
+The guardian process switches the coil off if the run dies. It is a separate process, which knows only the drivers of
+this package and of installed packages. A driver of the user's program is therefore sent with cloudpickle. If the class
+of the driver comes from a module, the guardian process imports the module. If the class comes from a script or a
+notebook, the code of the class is sent.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def pack(name: str) -> str:
     Parameters
     ----------
     name : str
-        Name of the driver in the registry `SUPPLIES`.
+        Name of the driver in the table of all drivers, `SUPPLIES`.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def pack(name: str) -> str:
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add a supply driver to the registry `SUPPLIES` (the drivers by name) of this process.
+    """Add a supply driver to `SUPPLIES`, the table of all drivers by name, in this process.
 
     Parameters
     ----------

@@ -161,7 +161,7 @@ class Coil:
             self._ends_since_s = self._clock.now() - ago_s
 
     def watch(self, stop_if_asked: Callable[[], None] = never, early_s: float = 0.0) -> None:
-        """Measure the current and check the supply for faults, at most once in `WATCH_EVERY_S`.
+        """Measure the current and check the supply for faults, unless this was done only a short time before.
 
         The run calls this method between its operations: during ramps, while the beam settles, and in a pause. The
         method returns at once while another thread sets a current, because two exchanges on one line would mix.
@@ -171,15 +171,15 @@ class Coil:
         stop_if_asked : callable
             Called between the check for faults and the measurement. It may raise an exception.
         early_s : float
-            Time by which the interval `WATCH_EVERY_S` is shortened, s. A second thread calls the method with a positive
-            `early_s`. This thread then measures a little before the run would, and the run itself never has to measure.
+            Time by which this interval is shortened, s. A thread beside the run uses a positive value: it then always
+            measures before the run would, and the run need not wait for a measurement.
 
         Raises
         ------
         InstrumentError
-            If two measurements in a row are above the limit of the supply, or are outside the range of the set-points
-            of the last `FOLLOWS_WITHIN_S` seconds by more than the tolerance; or if the supply reports a fault or does
-            not answer.
+            If the current is wrong in two measurements in a row, or if the supply reports a fault or does not answer. A
+            current is wrong if it is above the limit of the supply, or if it differs by more than the tolerance from
+            all currents between the recent set-points.
         BeyondInterlock
             If a reading is outside its bounds in the rig file in two measurements in a row, or if no value of a reading
             arrived within the longest permitted time.
@@ -302,10 +302,9 @@ class Coil:
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp the current to zero within the time `ramp.down_within_s` of the protocol.
 
-        If the supply is slow, the steps are larger than in the protocol. If `count_the_end` was called, the time counts
-        from this call. The ramp ends early if the next step would probably exceed the time: switching off then sends
-        zero without waiting for an answer. There is no ramp if a measured current or a reading was wrong
-        (`out_of_control`), or if the supply does not answer (`unreachable`). Raises the errors of
+        After a signal such as Ctrl-C, the time counts from the signal. If the supply is slow, the steps are larger than
+        in the protocol. The ramp ends early if the next step would probably take too long. There is no ramp if a
+        measured current or a reading was wrong, or if the supply does not answer. Raises the errors of
         `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
@@ -343,7 +342,7 @@ class Coil:
         Raises
         ------
         InstrumentError
-            If the current is not reached within `REACHED_WITHIN_S`, or for the reasons of `PowerSupply.set_current`.
+            If the current is not reached within a few seconds, or if the supply does not accept the set-point.
         """
         with self._stepping:
             self._set(current_A)

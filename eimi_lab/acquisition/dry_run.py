@@ -69,7 +69,7 @@ class _BeamAtRest:
         """Do nothing, because no frames are buffered."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame of the beam at rest, `FRAME_S` of simulated time after the previous frame."""
+        """Return a frame of the beam at rest, and let the simulated time advance by the time between two frames."""
         self._clock.sleep(FRAME_S)
         self._number += 1
         image = np.full((32, 32), 200.0)

@@ -79,7 +79,7 @@ class EventLines:
         self._waiting.put(to_line(event) + "\n")
 
     def finish(self) -> None:
-        """Wait for at most `LAST_LINES_S` until the remaining events are written."""
+        """Wait until the remaining events are written, but only for a short time."""
         self._waiting.put(None)
         self._writer.join(LAST_LINES_S)
 

@@ -60,10 +60,8 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
     """Return a listener that describes events in sentences and passes the sentences to two functions.
 
-    An event is a record of one thing that happened in a run, and a listener is a function that receives events. Two
-    events give no sentence: an error that ends the run, and a coil that may still be on at the end of the run. For each
-    of them the run raises an exception, whose message the command prints. During the run, each failed attempt to switch
-    the coil off gives a sentence.
+    An event is a record of one thing that happened in a run, and a listener is a function that receives events. An
+    error that ends the run gives no sentence, because the command prints the message of this error.
 
     Parameters
     ----------

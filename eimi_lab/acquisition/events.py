@@ -336,9 +336,11 @@ def off_confirmed(
 class OffNotConfirmed(Event):
     """The coil could not be confirmed off. It may still be on.
 
-    `reason` is a text for a person. `current_A` and `limit_A` are the measured current and the limit with which the
-    current was compared; null if no current was measured. `trying_process` is the number of the process that continues
-    to try; null if no process tries. `by`, `takeover` and `run_killed` have the same meaning as in `OffConfirmed`.
+    `by` is the process that tried to switch the coil off. `reason` tells a person why this failed. `current_A` and
+    `limit_A` are the measured current and the limit below which the coil counts as off; null if no current was
+    measured. `takeover` is the reason why the guardian process tried in place of the run; null if the run tried.
+    `run_killed` is true if the guardian killed the run before. `trying_process` is the number of the process that
+    continues to try; null if no process tries.
     """
 
     event: ClassVar[str] = "off_not_confirmed"

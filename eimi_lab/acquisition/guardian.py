@@ -47,7 +47,7 @@ RECOGNISED = b"recognised"  # the constants from ARM on are messages of the run
 
 
 class StoodStill(InstrumentError):
-    """The error that is raised if the run took no step for longer than `LONGEST_GAP_S` while the coil was on.
+    """The error that is raised if the run took no step for too long while the coil was on.
 
     The reason is that the computer slept or the process was stopped.
     """
@@ -62,9 +62,10 @@ class Ward:
     added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
     the supply that the run uses; None until the run has read both.
 
-    `recognised` matters only for a supply without a serial number. The guardian recognises such a supply as the supply
-    of the coil if its output is on or a current flows. If `recognised` is true, neither is necessary, because the run
-    has reported that a current still flowed after it had switched the output off.
+    `recognised` matters only for a supply without a serial number, which another supply of the same type could replace.
+    If `recognised` is false, the guardian takes a supply for the supply of the coil only if its output is on or a
+    current flows. If it is true, the guardian accepts the supply also with its output off. The run sets it after it has
+    switched the output off but still measures a current.
     """
 
     driver: str
@@ -152,17 +153,17 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Report to the guardian process that a current still flows although the run has switched the output off.
+        """Report to the guardian process that the run has switched the output off, but a current still flows.
 
-        After the death of a run, the guardian has to recognise the supply of the coil. It recognises a supply without
-        a serial number by an output that is on. After this report, it recognises this supply also with its output off.
+        The guardian then accepts a supply without a serial number as the supply of the coil also if its output is off.
+        Without this report, it accepts such a supply only if the output is on or a current flows.
         """
         self._send(RECOGNISED)
 
     def beat(self) -> None:
         """Tell the guardian process that the run is alive. The method never waits and raises no error.
 
-        Without such a message (a beat) for `STILL_FOR_S`, the guardian process switches the coil off.
+        Without such a message (a beat) for some seconds, the guardian process switches the coil off.
         """
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
@@ -181,7 +182,7 @@ class Guardian:
             self._send(ALLOW + f"{seconds:.1f}".encode())
 
     def refuse_a_gap(self) -> None:
-        """Raise StoodStill if the run took no step for longer than `LONGEST_GAP_S` while the coil was on."""
+        """Raise StoodStill if the run took no step for too long while the coil was on."""
         self._note_the_gap()
         if self._armed and self._gap_s:
             raise StoodStill(
@@ -197,7 +198,7 @@ class Guardian:
     def check(self) -> None:
         """Raise InstrumentError if the guardian process ended, does not answer or has begun to switch the coil off.
 
-        Raise StoodStill if the run itself took no step for longer than `LONGEST_GAP_S`. Both errors end the run.
+        Raise StoodStill if the run itself took no step for too long. Both errors end the run.
         """
         if not self._armed:
             return

@@ -160,7 +160,7 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
 
 
 def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_event: OnEvent) -> None:
-    """Switch the supply off and measure its current, repeatedly, until the coil is off or `TRY_FOR_S` has passed.
+    """Switch the supply off and measure its current, repeatedly, until the coil is off or a time limit has passed.
 
     A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
     If the first attempt fails, the guardian process therefore kills the run.
@@ -174,7 +174,7 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
     run : Starter
         The process of the run.
     on_event : OnEvent
-        Receives the result, and a report about the failed attempts every `REPORT_EVERY_S`.
+        Receives the result and, from time to time, a report about the failed attempts.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
@@ -226,17 +226,16 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
     The only set-point that is sent is zero. The current is not reduced in a ramp, because a ramp would have to begin at
     the measured current, and a current measured during a fault may be twice the set-point or more.
 
-    If the supply has no serial number, it is recognised by its behaviour: it must be on, as the run left it, in at
-    least one attempt. A supply that is always found off may be another supply of the same type, and the coil does not
-    count as off.
+    A supply without a serial number may be another supply of the same type. It counts as the supply of the coil only if
+    at least one attempt finds its output on, or measures a current. Otherwise the coil does not count as off.
 
     Parameters
     ----------
     ward : Ward
         The supply of the coil: its driver, address, limits and identity.
     was_on : set of bool
-        Memory of all attempts. It is empty until an attempt finds the output on or measures a current above the limit;
-        this attempt adds True.
+        A memory that all attempts share: it contains True if an attempt found the output on or measured a current above
+        the limit, and is empty before.
 
     Returns
     -------
@@ -260,7 +259,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
         except SwitchOffFailed as error:
             if error.current_A is not None:  # a current flows: this is the supply of the coil
                 was_on.add(True)
-            if error.current_A is not None or found_off or not _is_one_of_a_kind(ward) or supply.output_on():
+            if error.current_A is not None or found_off or not _is_known_by_identity(ward) or supply.output_on():
                 raise
             off = measured_off(supply.measure, off_limit_A(supply), clock, ward.address)
             unidentified = _compare(ward, supply)  # the line may have been reopened
@@ -271,7 +270,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
                 f"{ward.address}: a supply was switched off{measured}, but it did not answer with its identity, so "
                 f"that it may not be the supply of the coil ({unidentified})"
             )
-        if not was_on and not _is_one_of_a_kind(ward):
+        if not was_on and not _is_known_by_identity(ward):
             observed = "already off" if found_off else "never seen to be on"
             raise SwitchOffFailed(
                 f"{ward.address}: the output of the supply was {observed}{measured}, but the supply has no "
@@ -315,10 +314,10 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output of the supply was off in this attempt and in every earlier attempt.
+    """Return whether the output of the supply is off, and was off in every earlier attempt to switch it off.
 
-    `was_on` is the memory of all attempts: True is added if the output is on now. If the supply does not answer, False
-    is returned.
+    If the output is on, True is added to `was_on`, the memory that all attempts share. If the supply does not answer,
+    False is returned.
     """
     with suppress(InstrumentError):
         if supply.output_on():
@@ -327,11 +326,11 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
     return False
 
 
-def _is_one_of_a_kind(ward: Ward) -> bool:
-    """Return whether the supply of the coil can be recognised by its identity alone.
+def _is_known_by_identity(ward: Ward) -> bool:
+    """Return whether the identity of the supply is enough to recognise the supply of the coil.
 
-    This is so if the identity contains a serial number, or if the supply is on a pseudo-terminal. True is also returned
-    if the run has sent no identity, because there is then nothing to compare.
+    This is so if the identity contains a serial number, or if the supply is an emulated supply on a pseudo-terminal.
+    True is also returned if the run has sent no identity, because no supply could be recognised then.
     """
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 

@@ -35,8 +35,8 @@ class Heating:
     stage : str
         The stage of the run in which the heat is largest, in words.
     share : float
-        The largest heat divided by the allowed heat: h / I₀², with the heat h (A²) of the equation in this module and
-        the continuous current I₀ (A). A value above 1 means that the coil may become too hot.
+        The largest heat divided by the allowed heat, which the continuous current (the current that the coil withstands
+        without a time limit) produces in the long run. A value above 1 means that the coil may become too hot.
     """
 
     stage: str
@@ -113,7 +113,7 @@ class Warming:
         self._since_s: float | None = None
 
     def flows(self, now_s: float, current_A: float) -> None:
-        """Set the current that flows from the time `now_s` on; `now_s` (s) comes from any monotonic clock."""
+        """Record that a current (A) flows in the coil from the time `now_s` (s, on any monotonic clock) on."""
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:

@@ -48,10 +48,10 @@ class Interruption:
 
     @contextmanager
     def heeding(self, run: Heeded) -> Iterator[None]:
-        """Let the run react to signals during long operations, until the body of the with statement ends.
+        """Let a run react to signals, such as Ctrl-C, during long operations in the body of the with statement.
 
-        The instruments and the writer of the dataset call `between_messages`, `while_waiting` and `while_storing`
-        during such operations. These methods pass the calls to `run`.
+        The instruments and the writer of the dataset call the other methods of this object during long operations. In
+        the body of the with statement, these methods call the methods of `run`.
         """
         self._run = run
         try:

@@ -44,9 +44,10 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that reads the terminal for a request to pause, and then calls `stop_if_asked`.
+        """Return a function that notices a request to pause, which a person types, and then calls `stop_if_asked`.
 
-        After a request the function sets `asked` and sends `PauseRequested`. The run calls the function in every step.
+        The run calls the returned function in every step. After a request, the function sets the attribute `asked` and
+        sends the event `PauseRequested`.
         """
 
         def move_on() -> None:

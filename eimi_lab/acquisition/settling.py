@@ -33,10 +33,11 @@ class Settling:
     ----------
     ratio : float
         Difference ratio of the last two consecutive frames: their mean squared difference, divided by the mean squared
-        difference due to noise. If the beam did not come to rest, the largest ratio of the last `settle.pairs` pairs of
-        consecutive frames.
+        difference due to noise. If the beam did not come to rest, the largest ratio of the last pairs of consecutive
+        frames; the key settle.pairs of the protocol gives the number of these pairs.
     drift_ratio : float
-        Last difference ratio of two frames `settle.drift_window_s` apart; infinite if no such ratio was computed.
+        Last difference ratio of two frames between which the time settle.drift_window_s (a key of the protocol) passed;
+        infinite if no such ratio was computed.
     waited_s : float
         Duration of the wait, s.
     flags : tuple of Flag
@@ -65,15 +66,14 @@ def wait_until_settled(
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
     The difference ratio of two frames is their mean squared difference divided by the mean squared difference due to
-    noise. The beam is at rest if two conditions are fulfilled. First, the difference ratio of consecutive frames was at
-    most `rule.noise_ratio` for `rule.pairs` pairs in a row. Second, the difference ratio of two frames
-    `rule.drift_window_s` apart is at most `rule.noise_ratio`; this condition detects creep. A frame that equals the
+    noise. A ratio is small if it is at most `rule.noise_ratio`. The beam is at rest if two conditions are fulfilled.
+    First, the difference ratio of consecutive frames was small for `rule.pairs` pairs in a row. Second, the difference
+    ratio of two frames `rule.drift_window_s` apart is small; this condition detects creep. A frame that equals the
     previous frame including its noise is a repetition by the camera and is not counted.
 
-    The ratio is computed in a band of pixels along the edges of the beam. If the beam moves out of this band, the ratio
-    in the band becomes small although the beam still moves. Therefore a new band is found each time the ratio falls to
-    `rule.noise_ratio`, and in the frame that ends the wait; the ratio in the new band decides. The band is not found in
-    every frame, because this takes most of the time.
+    The ratio is computed only in a band of pixels along the edges of the beam. If the beam has left this band, the
+    ratio is small although the beam still moves. Before a small ratio is accepted, the band is therefore found again.
+    It is not found again in every frame, because this takes much time.
 
     Parameters
     ----------

@@ -53,8 +53,8 @@ class Stepping:
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Ramp through the currents of all states (load steps) before number `state`, without taking frames.
 
-        The beam then has the same history of loads as before the interruption, on which its shape depends. While the
-        leads of the coil are swapped, only the negative currents of these states are passed.
+        The shape of the beam depends on its history of loads, which is then the same as before the interruption. While
+        the leads of the coil are swapped, only the negative currents of these states are passed.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:

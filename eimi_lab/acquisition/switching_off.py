@@ -126,11 +126,11 @@ class _SignalsHeeded:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """Interrupt an exchange with the supply by an error, if a second signal came or the run stood still.
+        """Interrupt an exchange with the supply if a second signal, such as Ctrl-C, has come.
 
-        The error is Stopped after a second signal, and StoodStill if the computer slept or the process was stopped.
-        The supply calls this method between two messages. In another thread than the main thread, a signal has no
-        effect. After the coil was switched off, the method does nothing.
+        The method then raises Stopped. It raises StoodStill if the computer slept or the process was stopped. The
+        supply calls this method between two messages. A signal has an effect only in the main thread. After the coil
+        was switched off, the method does nothing.
         """
         if not self._off:
             self._refuse_a_gap()

@@ -12,18 +12,17 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 class Transient:
     """The frames of a state (load step) that are kept while the beam settles or creeps: at most `budget` frames.
 
-    The frames are kept at times t that form a geometric series, because creep proceeds with the logarithm of time. Here
-    t is the time since the last change of the current. After every kept frame, the ratio of the series is computed
-    again from the remaining time and the remaining number of frames. Therefore `budget` frames are kept even if the
-    camera is too slow for the first intervals.
+    Creep proceeds with the logarithm of time. The intervals between the kept frames therefore increase: the times since
+    the last change of the current form a geometric series. After every kept frame, the series is computed again for the
+    remaining frames and the remaining time. Therefore `budget` frames are kept even if the camera is too slow for the
+    first intervals.
 
     Parameters
     ----------
     budget : int
         Largest number of kept frames.
     lasts_s : float
-        Longest time over which the kept frames are spread, s: the time that the beam may take to settle, or the time
-        for which the current is held (`settle.dwell_s`).
+        Longest time from the first to the last kept frame, s.
     coil : Coil
         The coil, which gives the time of its last set-point.
 

@@ -198,7 +198,7 @@ def export(
     index: FitIndex = None,
     bulk_modulus_kPa: Annotated[
         float | None,
-        typer.Option("--bulk-modulus-kPa", help="bulk modulus in the card, in kPa; it is never taken from a fit"),
+        typer.Option("--bulk-modulus-kPa", help="bulk modulus for the card, in kPa; it is never taken from a fit"),
     ] = None,
     bulk_ratio: Annotated[
         float | None,

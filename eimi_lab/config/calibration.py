@@ -176,9 +176,9 @@ class Calibration(Document):
     def stated_sources(self) -> tuple[StatedSource, ...]:
         """Return the standard uncertainties in the table [uncertainty] of the calibration, in the form for a fit.
 
-        Each `StatedSource` contains the uncertainty of one quantity, and a name for the cause of its error. The error
-        of a cause is the same in all datasets. The cause is this calibration; for the coil constant it is the coil,
-        which is identified by the value of the coil constant.
+        Each element contains the uncertainty of one quantity, and the name of the object that causes the error. A fit
+        assumes that the error is the same in all datasets with the same object. The object is this calibration or, for
+        the coil constant, the coil. Coils with equal coil constants count as the same coil.
         """
         coil = f"coil of {self.mT_per_A:g} mT/A"
         numbers = self._as_json({"picture"})

@@ -264,8 +264,8 @@ class Rig(Document):
         if virtual_camera and not self.simulated and not ADDRESS.fullmatch(str(self.camera.source)):
             raise ValueError(
                 f"camera.source = {self.camera.source!r} should be the address of an emulated coil, "
-                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it, because a virtual camera cannot see the coil "
-                f"of supply.driver = {self.supply.driver!r}"
+                "TCPIP::HOST::PORT::SOCKET as `eimi emulate` prints it: a virtual camera needs an emulated coil, but "
+                f"supply.driver = {self.supply.driver!r} is not virtual"
             )
         if virtual_camera != (self.virtual is not None):
             raise ValueError(

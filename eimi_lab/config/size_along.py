@@ -26,7 +26,7 @@ class SizeAlong(float):
     rows: Rows
 
     def __new__(cls, rows: Rows) -> SizeAlong:
-        """Return the mean width or depth along the beam, in mm, as a number that keeps the table in `rows`."""
+        """Create the number: the mean width or depth along the beam, mm. Its attribute `rows` contains the table."""
         along, sizes = np.array(rows).T
         size = super().__new__(cls, np.trapezoid(sizes, along) / (along[-1] - along[0]))
         size.rows = rows

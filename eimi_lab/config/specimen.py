@@ -213,9 +213,9 @@ class SpecimenFile(Document):
         return self
 
     def _least_at_magnet(self, magnet: Magnet, side: str) -> float:
-        """Return the smallest width or depth (mm) of the beam beside the magnet, which must fit into the beam.
+        """Return the smallest width or depth (mm) of the part of the beam in which the magnet lies.
 
-        ``side`` is "width_mm" or "depth_mm".
+        ``side`` is "width_mm" or "depth_mm". The magnet must not be larger than this part of the beam.
         """
         size: float = getattr(self.specimen, side)
         rows = rows_of(size)
@@ -250,9 +250,9 @@ class SpecimenFile(Document):
     def stated_sources(self) -> tuple[StatedSource, ...]:
         """Return the standard uncertainties in the table [uncertainty] of the specimen file, in the form for a fit.
 
-        Each `StatedSource` contains the uncertainty of one quantity, and a name for the cause of its error. The error
-        of a cause is the same in all datasets. The cause is this specimen; for lengths it is the instrument with which
-        they were measured (`measured_with`), if the file gives the instrument.
+        Each element contains the uncertainty of one quantity, and the name of the object that causes the error. A fit
+        assumes that the error is the same in all datasets with the same object. The object is this specimen or, for
+        lengths, the measuring instrument, if the file gives the instrument (key ``measured_with``).
         """
         this_specimen = f"specimen {self.specimen.name}"
         instrument = self.specimen.measured_with

@@ -25,10 +25,9 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] in one kind of file, and what they stand for.
+    """Return the permitted keys of the table [uncertainty] in one kind of TOML file, each with a quantity's name.
 
-    Each key of the file is mapped to the name of the quantity in `eimi_fitting.inference.evidence.sources.SOURCES`.
-    ``file`` is "specimen", "calibration" or "rig".
+    The name is the name of the uncertain quantity in a fit. ``file`` is "specimen", "calibration" or "rig".
     """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 

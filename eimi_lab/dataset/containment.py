@@ -44,10 +44,10 @@ READ = (
 def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     """Raise InputError if a dataset refers to data outside the file, or declares an array that is too large.
 
-    An array is too large if it exceeds `MOST_BYTES` or a quarter of the free memory. This limit applies to a whole
-    table, but only to a single frame of an array of frames, because frames are read one after another. Only the groups
-    and arrays that the program reads are checked, because a user may have added other data to the file. ``path`` is the
-    path of the file, for the message.
+    The largest permitted size is a fixed number of bytes, and at most a quarter of the free memory. It applies to a
+    table as a whole. In an array of frames it applies to one frame, because frames are read one after another. Only the
+    groups and arrays that the program reads are checked, because a user may have added other data to the file. ``path``
+    is the path of the file, for the message.
     """
     for place in READ:
         _refuse_members(path, file, place)

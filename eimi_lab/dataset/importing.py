@@ -78,7 +78,7 @@ def import_frames(
     average
         Whether the mean of the frames of a state is stored instead of the frames.
     progress
-        Function that shows the progress of an import of at least `MANY_FRAMES` pictures.
+        Function that shows the progress of an import of many pictures.
     correction
         Dark frame (taken without light) and flat field (the back-light without the beam) to store with the frames.
     every

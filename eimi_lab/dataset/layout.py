@@ -303,8 +303,8 @@ def put_date(parent: h5py.Group, name: str, date: str) -> h5py.Dataset:
 def get_start(entry: h5py.Group) -> str:
     """Return the time at which a run started, in ISO 8601.
 
-    The time is read from the attribute `START_ATTRIBUTE`. Files of version 0.1.0 have no such attribute, but have
-    `start_time` as a text of fixed length. Raises ValueError if neither text is in the file.
+    The time is in an attribute of the table of states; in files of version 0.1.0, it is in the text `start_time`.
+    Raises ValueError if the file contains neither.
     """
     attributes = entry["states"].attrs
     if START_ATTRIBUTE in attributes and attributes.get_id(START_ATTRIBUTE).dtype.kind == "S":

@@ -19,7 +19,7 @@ HEAD_BYTES = 4096
 
 
 def head_of(descriptor: int) -> bytes:
-    """Return the first `HEAD_BYTES` bytes of an open file. A later comparison shows whether another program changed it.
+    """Return the first bytes of an open file. A later comparison shows whether another program changed the file.
 
     ``descriptor`` is the file descriptor. HDF5 uses the same descriptor and relies on its position in the file. The
     position is therefore restored after reading. (pread(2) would not change it, but does not exist on Windows.)

@@ -71,8 +71,7 @@ class MeasuredHeating:
     def contradicts(self) -> bool:
         """Whether the readings contradict the thermal time constant in the rig file.
 
-        They do if two conditions hold: the best time constant differs from the time constant in the rig file by more
-        than the fraction `DIFFERENT`, and `best_rms_K` is less than 0.7 times `rms_K`.
+        They do if the time constant for which the model fits best is very different, and makes the fit much better.
         """
         far = abs(self.best_time_constant_s / self.time_constant_s - 1) > DIFFERENT
         return far and self.best_rms_K < 0.7 * self.rms_K
@@ -112,8 +111,7 @@ def measured_heating(
     Returns
     -------
     MeasuredHeating or None
-        The comparison. None if there are fewer than `LEAST_READINGS` readings, or if the highest and the lowest reading
-        differ by less than `LEAST_RISE_K`.
+        The comparison; None if there are too few readings, or if the readings differ too little.
     """
     order = np.argsort(log.time_s, kind="stable")
     finite = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
@@ -144,10 +142,10 @@ def measured_heating(
 def _heats(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heat of the coil at the times of n readings, for each of m trial values of its time constant.
+    """Return the heat of the coil at the times of n readings, for each of m trial values of its time constant τ.
 
-    The heat is s = h / I0², where I0 is the continuous current of the coil, A. It satisfies τ ds/dt = I² / I0² − s with
-    s = 0 at the first reading; I is the current and τ the time constant.
+    The heat s is proportional to the temperature rise, and is 1 after a long time at the continuous current I0. It
+    satisfies τ ds/dt = I² / I0² − s, where I is the current, with s = 0 at the first reading.
 
     Parameters
     ----------
@@ -174,7 +172,7 @@ def coil_heating(dataset: Dataset) -> MeasuredHeating | None:
     """Compare the measured coil temperatures of a dataset with the thermal model of the coil in the rig file.
 
     Returns None if the rig file has no thermal rating of the coil, or if no thermometer at the coil was read. None is
-    also returned if there are too few readings, or if the readings differ too little (`measured_heating`).
+    also returned if there are too few readings, or if the readings differ too little.
     """
     text = dataset.text("rig")
     rating = parse_table(text, "rig").get("coil") if text else None

@@ -20,10 +20,11 @@ class SearchAgain(Protocol):
     """Function that finds the edges in a state with the help of another state."""
 
     def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
-        """Return the edges of the state with the given index.
+        """Find and return the edges of the state with the number `index`.
 
-        guide: edges of another state, which decide between several bodies. lines_mm: no middle line, or the middle line
-        at which the beam is expected, or two lines between which it is expected; (n, 2) x and y in mm.
+        If several bodies in the image may be the beam, the body nearest to the edges `guide` of another state is taken.
+        `lines_mm` tells where the middle line of the beam is expected: at one line, between two lines, or anywhere if
+        there is none. Each line is an array of n points (x, y) in mm, shape (n, 2).
         """
 
 
@@ -83,10 +84,9 @@ def is_reliable(edge_set: EdgeSet) -> bool:
 
 
 def _lies_between(middle_mm: Array, earlier_mm: Array, later_mm: Array, width_mm: float) -> bool:
-    """Return whether a middle line lies between two others, within half of the beam's width.
+    """Return whether a middle line lies between two others, with a tolerance of half of the beam's width.
 
-    Each line is given by its points (x, y) in mm, of shape (n, 2). The sum of the distances of a point from the two
-    lines may exceed the largest distance between the lines by half of the width.
+    Each line is an array of n points (x, y) in mm, shape (n, 2).
     """
     to_earlier, to_later = (_distances(middle_mm, line) for line in (earlier_mm, later_mm))
     apart = _distances(earlier_mm, later_mm).max()

@@ -40,7 +40,7 @@ def restate(
         The dataset.
     specimen, calibration
         The new files; None to keep the stored specimen or calibration. A new calibration may leave out the place and
-        the direction of the beam (`config.calibration.PLACES`), which then keep their stored values.
+        the direction of the beam, which then keep their stored values.
     changes
         New values for keys of the calibration. They have priority over the values of the file ``calibration``.
 

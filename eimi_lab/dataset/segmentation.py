@@ -302,7 +302,7 @@ def _edges_in(
         (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame (x along the
         straight beam from the clamp, y across); None if the line is unknown.
     between_mm
-        (m, 2) the same of a second line if the beam lies between both lines.
+        (m, 2) x and y of m points on a second line, mm, if the beam is expected between this line and the first line.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)

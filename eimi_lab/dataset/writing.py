@@ -339,7 +339,7 @@ class DatasetWriter:
         Parameters
         ----------
         name
-            Name of the recording, a key of `recordings.BELONGS_TO`, such as "transients".
+            Name of the recording (series of frames), such as "transients".
         belongs_to
             For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
         moments

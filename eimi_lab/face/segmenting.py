@@ -265,9 +265,9 @@ def stated_changes(
     beam_colour: tuple[float, float, float] | None,
     along: Sequence[tuple[float, float]] | None,
 ) -> dict[str, Any]:
-    """Return the new values that the user gives for keys of a calibration, see `config.calibration.Changes`.
+    """Return the arguments that are not None as a dictionary: new values of a calibration, by their keys in the file.
 
-    An argument that is None gives no new value. For the arguments see `import_pictures`.
+    For the arguments see `import_pictures`.
     """
     picture = {
         "region_px": region,

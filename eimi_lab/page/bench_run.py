@@ -5,9 +5,9 @@ The page is the live web page of `eimi dashboard`. A run measures one dataset on
 The run is `eimi acquire` in a separate process. When the page ends, the run ends with its coil off.
 
 STOP sends two signals to the run. The run reacts to a signal even while it waits for a frame or a message. After the
-second signal it switches the coil off without a ramp. If no event confirms within `CONFIRMED_WITHIN_S` that the coil is
-off, the run is killed. Its guardian (a separate process that switches the coil off if the run dies) then switches the
-coil off.
+second signal it switches the coil off without a ramp. If no event confirms within some seconds that the coil is off,
+the run is killed. Its guardian (a separate process that switches the coil off if the run dies) then switches the coil
+off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
 standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
@@ -261,7 +261,7 @@ class BenchRun:
     async def closed(self) -> None:
         """End the run with a ramp of the current to zero, and wait until all processes of the run have ended.
 
-        A run that has not ended after `CLOSED_WITHIN_S` is killed.
+        A run that has not ended after some seconds is killed.
         """
         if self.going_on:
             self.end()

@@ -123,7 +123,7 @@ def _written_currents(file: Path) -> dict[str, str]:
 
 
 def picture(path: Path) -> bytes:
-    """Return an image as JPEG, at most `WIDEST_PX` wide.
+    """Return an image as JPEG, for the live web page. A very wide image is reduced.
 
     Raises
     ------

@@ -82,7 +82,7 @@ class CameraDesk:
         return {"camera": asdict(self.view) if self.view else None}
 
     async def close(self) -> None:
-        """Close the camera if it is open, and wait until a run can open it."""
+        """Close the camera if it is open, so that a run can open it, and wait until it is closed."""
         async with self._changing:
             await self._close()
 

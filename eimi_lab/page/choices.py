@@ -45,7 +45,7 @@ def choices(folder: DataFolder) -> Choices:
     dict of lists of str
         For each kind ("protocol", "specimen", "rig" and "calibration") the names of the files: first the TOML files in
         the data folder and in its subfolders, then the files that this package contains. The list under the key
-        `INCOMPLETE` contains the names of files that a run would refuse, for example because values are missing.
+        "incomplete" contains the names of files that a run would refuse, for example because values are missing.
     """
     names: Choices = {kind: [] for kind in (*KEYS, INCOMPLETE)}
     tomls = sorted([*folder.root.glob("*.toml"), *folder.root.glob("*/*.toml")])[:MOST_FILES]

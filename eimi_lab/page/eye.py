@@ -109,7 +109,7 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
 def light(image: NDArray[Any]) -> dict[str, Any]:
     """Return the exposure of an image, shape (H, W) or (H, W, 3) with H by W pixels, as a JSON object.
 
-    "histogram" contains the share of the pixels in each of `BINS` equal intervals from 0 to the largest grey level.
+    "histogram" contains the share of the pixels in each of some equal intervals from 0 to the largest grey level.
     "saturated_share" is the share of saturated pixels. In a colour image the brightest channel of each pixel is used,
     because a single saturated channel displaces an edge.
     """
@@ -126,9 +126,7 @@ def light(image: NDArray[Any]) -> dict[str, Any]:
 def edges_in(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, place: BeamFrame) -> dict[str, Any]:
     """Find the edges of the beam in an image, and return them with the blur of the image as a JSON object.
 
-    The search for edges reports the blur only if the blur is above a limit, in a flag (failed quality check). The page
-    shows the blur of every image, and the search therefore runs with the limit 0. In the result, this flag occurs only
-    if the blur is above the usual limit.
+    The result contains the blur of every image, and a flag (failed quality check) if the blur is above its limit.
 
     Parameters
     ----------

@@ -76,13 +76,13 @@ class FrameMemory:
         return int(_NEWEST.unpack_from(self._memory, 0)[0])
 
     def write(self, image: NDArray[Any], about: dict[str, Any]) -> None:
-        """Write a frame into the slot with the older frame. The method does not wait for readers.
+        """Write a frame into the shared memory, in place of the older of its two frames, without waiting for readers.
 
         Parameters
         ----------
         image : ndarray, shape (H, W) or (H, W, 3)
-            The image of H by W pixels. If the image is larger than the slot, only every second pixel in each direction
-            is written, or every fourth, and so on. `NewestFrame.kept` gives this number.
+            The image of H by W pixels. If the image is too large for the memory, only every second pixel in each
+            direction is written, or every fourth, and so on.
         about : dict
             Description of the frame, as a JSON object.
         """

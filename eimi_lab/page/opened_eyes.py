@@ -58,9 +58,10 @@ class OpenedEyes:
         os.close(closed)
 
     async def see(self) -> None:
-        """Pass frames and edges to the function `seen` until both processes have ended.
+        """Pass the results of both processes, which are frames and edges, to the function `seen` of this object.
 
-        The process for the frames ends first. The process for the edges is then told to end too.
+        The method returns when both processes have ended. The process for the frames ends first, at the end of the run.
+        The method then asks the process for the edges to end.
         """
         frames, edges = self._processes
         finding = asyncio.create_task(self._see(edges))

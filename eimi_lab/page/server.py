@@ -218,7 +218,7 @@ class _Server(uvicorn.Server):
     """A server that shuts down in order after every signal that stops the program, also after SIGHUP.
 
     The server of uvicorn does not react to SIGHUP. The attribute ``asked`` lists the signals that came. After the first
-    signal, closing takes at most `CLOSE_WITHIN_S`.
+    signal, the time for closing is limited.
     """
 
     def __init__(self, config: uvicorn.Config) -> None:

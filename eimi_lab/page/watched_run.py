@@ -55,9 +55,9 @@ class Descriptors:
 
     @classmethod
     def of(cls, numbers: str) -> Descriptors:
-        """Return the three descriptors that the parent process passed.
+        """Return the three file descriptors that the parent process, the server of the page, passed to this process.
 
-        ``numbers`` contains the three texts, separated by commas, by which `pipes.received` finds the descriptors.
+        ``numbers`` is an argument of the command line: the names of the descriptors, separated by commas.
         """
         return cls(*map(received, numbers.split(",")))
 
@@ -77,16 +77,16 @@ class Watched:
 
 @contextmanager
 def watched(page: Descriptors | None, bench: Bench, rig: Rig, on_event: OnEvent) -> Iterator[Watched]:
-    """Yield the arguments of `acquire` with which a person can watch and pause a run on the page.
+    """Connect a run to the live web page that started it, and yield the instruments and functions for the run.
 
-    A run that the page did not start gets its bench unchanged.
+    With them, a person can watch and pause the run on the page. Without a page, the instruments are yielded unchanged.
 
     Parameters
     ----------
     page : Descriptors or None
-        Descriptors of the page that started the run; None for a run that a person started at a terminal.
+        File descriptors that the page passed to the run; None for a run that a person started at a terminal.
     bench : Bench
-        The open instruments. For the page, the supply of the yielded bench is a `WatchedSupply`.
+        The open instruments. For a page, the supply is replaced by a supply that remembers its values for the page.
     rig : Rig
         The rig, for the rating of the coil.
     on_event : OnEvent

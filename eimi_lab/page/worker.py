@@ -37,7 +37,7 @@ class Worker:
         Raises
         ------
         InputError
-            If the process crashed, or if the call took longer than `LONGEST_S`.
+            If the process crashed, or if the call took too long.
         """
         if self._pool is None:
             start_resource_tracker()

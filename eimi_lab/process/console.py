@@ -73,8 +73,8 @@ def handled(event: int, act: Callable[[], None]) -> int:
     Returns
     -------
     int
-        0 for Ctrl-C and Ctrl-Break, which Python then turns into signals. Otherwise 1, after ``act`` and a wait of
-        `HELD_S`, in which the main thread can end the program in order.
+        0 for Ctrl-C and Ctrl-Break, which Python then turns into signals. Otherwise 1, after ``act`` and a wait, during
+        which the main thread can end the program in order.
     """
     if event not in _CLOSING:
         return 0

@@ -21,7 +21,7 @@ class OwnFault(Exception):
     def __init__(self, what: str, error: str) -> None:
         """Create the error.
 
-        ``what`` names the task and the file of the task; ``error`` is the last line of the traceback.
+        ``what`` says which task failed, and with which file. ``error`` is the last line of the traceback.
         """
         super().__init__(f"{what}: {error}: a fault of this program; please report this line, and the file if you may")
 

@@ -23,9 +23,9 @@ _SETTINGS = ((-1, 256 << 20), (-3, 32 << 20))  # M_TRIM_THRESHOLD, M_MMAP_THRESH
 def keep_freed_memory() -> None:
     """Keep freed memory in this process for reuse, if the C library supports this, which makes simulations faster.
 
-    Each step of a solid beam model allocates and frees megabytes. If this memory were returned to the system and
-    requested again in each step, a page fault for each 4 kB would take a tenth of the time of the simulations for a
-    report.
+    Each step of a solid beam model allocates and frees megabytes. Without this setting, the C library returns the
+    memory to the operating system and requests it again in each step. This takes a tenth of the time of the
+    simulations for a report.
     """
     import ctypes  # imported here because only workers need it
 

@@ -33,8 +33,8 @@ def free_memory_bytes() -> int:
 
     On Linux this is MemAvailable in /proc/meminfo. On Windows the function GlobalMemoryStatusEx reports it. macOS does
     not report the free memory; half of the installed memory (hw.memsize) is assumed. On other systems SC_AVPHYS_PAGES
-    of sysconf(3) is used. If the system reports nothing, the value is `ASSUMED_FREE_BYTES`. The result is at most the
-    limit of the address space (RLIMIT_AS).
+    of sysconf(3) is used. If the system reports nothing, 4 GiB are assumed. The result is at most the limit of the
+    address space (RLIMIT_AS).
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
     if sys.platform == "win32":
@@ -120,10 +120,11 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
 
 
 def child_arguments(count: int) -> list[str]:
-    """Return the arguments that `run_limited` gave to this process; the last is the limit of the processor time (s).
+    """Return the command-line arguments of this process; the last is the limit of the processor time (s).
 
-    There must be ``count`` arguments. Another number means that the program was replaced by another release after the
-    command had started. The process then prints a message and ends with exit status 2.
+    The process was started by `run_limited`, and must have received ``count`` arguments. Another number means that the
+    program was replaced by another release in the meantime. The process then prints a message and ends with exit
+    status 2.
     """
     arguments = sys.argv[1:]
     if len(arguments) != count:

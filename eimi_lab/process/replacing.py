@@ -26,7 +26,7 @@ AnyResult = TypeVar("AnyResult")
 def replace(file: Path, path: Path) -> None:
     """Move ``file`` to ``path``, and replace a file that exists at ``path``.
 
-    On Windows, the move is tried again for `TRY_FOR_S` seconds while another program has one of the two files open.
+    On Windows, the move is tried again for some seconds while another program has one of the two files open.
 
     Raises
     ------
@@ -47,8 +47,7 @@ def replace(file: Path, path: Path) -> None:
 def remove(file: Path) -> None:
     """Remove a file if it exists.
 
-    If another program has the file open, the function tries for `TRY_FOR_S` seconds. Then it leaves the file without an
-    error.
+    If another program has the file open, the function tries for some seconds. Then it leaves the file without an error.
     """
     try:
         patiently(lambda: file.unlink(missing_ok=True))
@@ -60,13 +59,12 @@ def remove(file: Path) -> None:
 def patiently(act: Callable[[], AnyResult]) -> AnyResult:
     """Call a function that opens, replaces or removes a file, and return its result.
 
-    On Windows, the call is repeated for `TRY_FOR_S` seconds while another program does not let this program use the
-    file.
+    On Windows, the call is repeated for some seconds while another program does not let this program use the file.
 
     Raises
     ------
     OSError
-        If ``act`` raises this error. On Windows, a PermissionError is raised only after `TRY_FOR_S`.
+        If ``act`` raises this error. On Windows, a PermissionError is raised only after the last attempt.
     """
     until = time.monotonic() + TRY_FOR_S
     while True:

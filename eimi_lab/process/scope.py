@@ -65,10 +65,11 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _lasts_as_long_in_a_scope() -> bool:
-    """Return whether a new scope would last at least as long as this process would last without a new scope.
+    """Return whether this process would live at least as long in a new scope as without a new scope.
 
-    This is so if the user's systemd, to which the new scope belongs, keeps running after the logout of the user
-    (lingering). It is also so if this process already belongs to the user's systemd.
+    A scope is a group of processes that the user's systemd controls, and that ends with the user's systemd. The result
+    is True if the user's systemd keeps running after the logout of the user (lingering), or if this process already
+    belongs to the user's systemd.
     """
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")

@@ -75,7 +75,7 @@ class NeverBlocking(io.TextIOBase):
             self._send()
 
     def finish(self) -> None:
-        """Try for at most `FINISH_WITHIN_S` to write the waiting text, then close the stream."""
+        """Try for a limited time to write the waiting text, then close the stream."""
         until = time.monotonic() + FINISH_WITHIN_S
         while self._left() and time.monotonic() < until:
             self.flush()
@@ -100,12 +100,9 @@ class NeverBlocking(io.TextIOBase):
             self._waiting.clear()
 
     def _send_a_piece(self) -> None:
-        """Write the first bytes of the waiting text, and remove the written bytes from the waiting text.
-
-        The handler of a signal may raise an error between any two function calls. If this happened between writing and
-        removing, the bytes would be written twice. `extend` therefore writes and stores the number of the written bytes
-        in one call, and `finally` removes the bytes also after an error.
-        """
+        """Write the first bytes of the waiting text, and remove the written bytes from it, also after an error."""
+        # The handler of a signal may raise an error between any two function calls. After an error between writing and
+        # removing, the bytes would be written twice. `extend` therefore writes and stores the number in one call.
         written_bytes: list[int] = []
         try:
             written_bytes.extend(map(os.write, (self._descriptor,), (self._waiting[:AT_ONCE_BYTES],)))

@@ -69,7 +69,7 @@ def unwind_on_termination() -> None:
     """Let Ctrl-C, termination and hang-up raise `Stopped`. A signal that is ignored stays ignored.
 
     If the signal comes during a destructor or a callback of a C library, Python cannot raise the error `Stopped`: it
-    reports the error and drops it. The same signal is then sent again after `AGAIN_AFTER_S`.
+    reports the error and drops it. The same signal is then sent again after a short time.
     """
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -103,10 +103,10 @@ def leaving() -> Iterator[None]:
 
 
 def raise_if_asked() -> None:
-    """Raise `Stopped` if a signal has come, also if the first `Stopped` of this signal was lost.
+    """Raise `Stopped` if a signal, such as Ctrl-C, has asked the program to stop.
 
-    Python drops an error that is raised in a destructor or in a callback of a C library. Long operations therefore call
-    this function.
+    The handler of the signal raises `Stopped` too, but Python drops an error that is raised in a destructor or in a
+    callback of a C library. Long operations therefore call this function.
     """
     if _received:
         raise Stopped(_received[0])

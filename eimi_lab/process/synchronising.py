@@ -20,7 +20,7 @@ def synchronise(descriptor: int, meanwhile: Callable[[], None]) -> None:
     descriptor
         File descriptor of the file.
     meanwhile
-        Function that is called every `EVERY_S` while the disk works.
+        Function that is called again and again while the disk works.
 
     Raises
     ------

@@ -319,7 +319,7 @@ def cluster(address: str) -> Iterator[Executor]:
     ------
     InputError
         If dask.distributed is not installed, no scheduler answers, or there is no worker; or if a worker has another
-        version of Python or of one of `PACKAGES`, or uses several threads.
+        version of Python, or of a package on which results depend, or uses several threads.
     ChildProcessError
         If the workers of the cluster are lost.
     """

@@ -46,7 +46,7 @@ class Finding:
     value, interval : str
         The initial shear modulus and its 95 % interval.
     doubt : str
-        What is doubted, in brackets; empty without doubts.
+        The reasons to distrust the fit, in brackets; empty if there are none.
     how : str
         The law, and the data to which it was fitted.
     limit : str

@@ -90,8 +90,8 @@ def measured_mm(contents: DatasetContents, k: int) -> list[Array]:
 def edges_px(contents: DatasetContents, state: State) -> list[Array]:
     """Return the left and the right edge of a state, each as x and y of n points in pixels, shape (n, 2).
 
-    These are the edges of the beam that was simulated with the fit that represents the dataset in figures with only one
-    fit. If no fit could simulate the dataset, or if the state is not used, the measured edges are returned.
+    The edges are simulated with the best fit. If no fit could simulate the dataset, or if the fits do not use the
+    state, the measured edges are returned.
     """
     frame, indices = frame_of(contents), [used.index for used in contents.evidence.states]
     if contents.best is not None and state.index in indices:

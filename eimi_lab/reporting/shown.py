@@ -126,7 +126,10 @@ def _misfit(shown: ShownFit) -> float:
 
 
 def _styled(shown: ShownFit, law: int, origin: int) -> ShownFit:
-    """Return a fit with the colour and marker of law number `law`, and line style number `origin` (kind of data)."""
+    """Return a copy of a fit with the colour and marker of its law and the line style of its kind of data.
+
+    `law` and `origin` are the numbers of the law and of the kind of data, from 0.
+    """
     return replace(
         shown,
         colour=PALETTE[law % len(PALETTE)],

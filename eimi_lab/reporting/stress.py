@@ -43,7 +43,8 @@ BAND = (
 class Mode:
     """A mode of deformation of an incompressible material: uniaxial tension, planar tension or simple shear.
 
-    The logarithmic principal stretches at the strain e are r_i h(e).
+    The deformation depends on one number, the strain e. The logarithms of the three principal stretches are r_1 h(e),
+    r_2 h(e) and r_3 h(e), with constant ratios r_i and a function h.
 
     Attributes
     ----------
@@ -52,9 +53,10 @@ class Mode:
     strain : str
         Name of the strain e, for the axis of a figure.
     ratios : tuple of float
-        The ratios r_i of the three logarithmic principal stretches to the first logarithmic stretch.
+        The ratios r_1, r_2 and r_3; r_1 is 1.
     log, slope : callable
-        Functions that return the first logarithmic stretch h(e), and its derivative h'(e), at m strains e, shape (m,).
+        Functions that return h(e), the logarithm of the first principal stretch, and its derivative h'(e), at m strains
+        e, shape (m,).
     """
 
     words: str
@@ -174,7 +176,7 @@ def tensile_points(fits: Sequence[ShownFit], largest_strain: float) -> tuple[lis
     points : list of TensilePoints
         One element for each test that could be read.
     missing : list of str
-        A sentence for each test or band that cannot be drawn, with the reason.
+        A sentence for each tensile test, and for each 95 % band of a fit, that cannot be drawn; it gives the reason.
     """
     points = []
     missing = [

@@ -65,7 +65,7 @@ class Film:
         Returns
         -------
         ndarray, shape (p,)
-            The standard deviations, at least `_LEAST_SIGMA_MM`.
+            The standard deviations; none is smaller than a fixed smallest value.
         """
         complete = np.isfinite(middle_mm[..., 1]).all(axis=1)
         if not complete.any():
@@ -109,7 +109,7 @@ def follow_film(
     Raises
     ------
     NoBeam
-        If the first `FIRST_TRIES` frames show no beam.
+        If no beam is found in the first frames.
     """
     length_mm = specimen.specimen.length_mm
     beams: list[SeenBeam | None] = []

@@ -22,8 +22,8 @@ FEWEST_PERIODS = 6.0  # smallest number of periods for which a part has to show 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
     """Divide a recording into parts with one ring-down each, and return the first and last frame of each part.
 
-    A ring-down (free oscillation) begins with a flick (a brief push). A part is left out if fewer than `FEWEST_PERIODS`
-    periods of the vibration follow the flick.
+    A ring-down (free oscillation) begins with a flick (a brief push). A part is left out if too few periods of the
+    vibration follow the flick.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def flagged_lines(motions: Sequence[Motion]) -> list[str]:
 
 
 def recordings_in_words(motions: Sequence[Motion]) -> str:
-    """Return a text with the number of recorded motions of the beam, of their frames, and of lost frames.
+    """Return a text with three numbers: the recorded motions of the beam, their frames, and the lost frames.
 
     Examples
     --------

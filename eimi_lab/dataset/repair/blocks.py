@@ -76,7 +76,7 @@ def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> in
     -------
     int or None
         Index of the bit, counted from the lowest bit of the first byte. None if no single bit explains the wrong
-        checksum, or if the search would exceed `MOST_SEARCHED_BYTES` for the file.
+        checksum, or if all searches in this file together would take too long.
     """
     cost = 8 * len(block) ** 2  # one checksum of the whole block for each of its bits
     if file.searched_bytes + cost > MOST_SEARCHED_BYTES:

@@ -77,10 +77,10 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Limit the memory of this process before it reads a file of ``file_bytes`` bytes.
+    """Limit the memory of this process before it reads a C3D file of ``file_bytes`` bytes, which may be damaged.
 
-    The limit is the smaller of two numbers: a quarter of the free memory, and `UNPACKED_PER_BYTE` times the size of the
-    file. The address space of Python and its libraries is added to the limit.
+    Reading may use a quarter of the free memory, and at most a fixed multiple of the size of the file. The address
+    space of Python and its libraries is added to the limit.
     """
     limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 

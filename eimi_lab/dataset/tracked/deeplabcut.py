@@ -24,8 +24,8 @@ def read_deeplabcut(path: Path) -> Tracks:
     """Read a DeepLabCut file, and return a track for each tracked point: its position in each frame, in px.
 
     DeepLabCut calls a tracked point a body part. If the file has several animals, the name of a track consists of the
-    name of the animal and the name of the body part. A position with a likelihood below `LEAST_LIKELIHOOD` counts as
-    not found. Raises InputError if DeepLabCut did not write the file.
+    name of the animal and the name of the body part. A position with a low likelihood counts as not found. Raises
+    InputError if DeepLabCut did not write the file.
     """
     rows = read_cells(path, ",")
     header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}

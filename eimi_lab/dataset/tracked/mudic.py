@@ -51,7 +51,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """An object that accepts all calls and does nothing, in place of every object of a pickle that is not an array."""
+    """An object that accepts all calls and does nothing. It replaces every object of a pickle that is not an array."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)
@@ -70,10 +70,10 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Do nothing with a value that the pickle appends to a list. This `_Inert` object replaces the list."""
+        """Do nothing with a value that would be appended to a list in the file. This object replaces the list."""
 
     def extend(self, values: Any) -> None:
-        """Do nothing with values that the pickle appends to a list. This `_Inert` object replaces the list."""
+        """Do nothing with values that would be appended to a list in the file. This object replaces the list."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
@@ -88,7 +88,7 @@ def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None)
 
 
 class _Harmless(pickle.Unpickler):
-    """An unpickler that creates arrays, and replaces every other object by one that runs no code (`_Inert`)."""
+    """An unpickler that creates arrays, and replaces every other object of the file by an object that does nothing."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module.startswith("dill.") and name == "_create_array":

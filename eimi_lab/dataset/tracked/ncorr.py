@@ -76,7 +76,7 @@ def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
     -------
     displacements, spacing, pixel
         For each picture, the displacements in x and in y, each of shape (rows, columns), in the unit of the file. Then
-        the numbers dispinfo.spacing and dispinfo.pixtounits.
+        the number of pixels between neighbouring points of the grid, and the size of a pixel in the unit of the file.
     """
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]

@@ -36,7 +36,7 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
     Raises
     ------
     InputError
-        If the file cannot be read, is not a table of text, or is empty.
+        If the file cannot be read, is empty, or does not contain a table as text.
     """
     lines = ["" if line.startswith(comment) else line for line in read_text(path).removeprefix("\ufeff").splitlines()]
     head = "\n".join([line for line in lines if line.strip()][:5])

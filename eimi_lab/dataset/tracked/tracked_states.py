@@ -90,9 +90,10 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index, among the frames of a tracking program, of the frame that a row of the table of states gives.
+    """Return the index of the frame that a row of the table of states (load steps) specifies.
 
-    The row contains the number or the time of the frame. Raises InputError if there is no such frame.
+    The row contains the number or the time of a frame of the tracking program. The index counts the tracked frames
+    from 0. Raises InputError if there is no such frame.
     """
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
@@ -122,8 +123,8 @@ def points_on_beam(
 
     A point is used if it is on the beam at rest, and if it was seen in at least one of the frames that are used. ``at``
     contains the indices of these frames. A point counts as on the beam up to a distance of ``margin_mm`` from the beam;
-    None stands for 2 % of the width of the beam. At most `MOST_POINTS` points are returned: if there are more, they are
-    chosen evenly spaced in the order of the file.
+    None stands for 2 % of the width of the beam. If there are very many points, only some of them are returned, evenly
+    spaced in the order of the file.
 
     A note on standard error tells how many points are left out. Raises InputError if there is no suitable point.
     """

@@ -1,4 +1,4 @@
-"""Show the possible causes of the residuals of the fits that the first pages do not show."""
+"""Show the possible causes of the residuals, for all fits except those on the first pages of the report."""
 
 from __future__ import annotations
 

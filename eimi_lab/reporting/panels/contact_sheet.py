@@ -70,7 +70,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """Return all states of a dataset; if there are more than `_MOST`, at most `_MOST` evenly spaced states."""
+    """Return all states of a dataset or, if there are very many, some evenly spaced states."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 

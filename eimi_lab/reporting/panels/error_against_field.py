@@ -31,9 +31,10 @@ _SPREAD = 0.5  # width over which the fits of one state are spread, as a fractio
 def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
     """Draw the errors of all fits in the states (load steps) of a dataset against the field.
 
-    If the field is constant, the errors are drawn against the index of the state. The bars extend one standard
-    deviation of the distances along the edges to each side. With several fits, a panel below shows the differences of
-    the errors from the error of the first fit, because the curves may coincide.
+    The error is the root mean square distance between measured and simulated points. A bar shows ± one standard
+    deviation of these distances in the state. If the field is constant, the errors are drawn against the number of the
+    state. With several fits, axes below show each error minus the error of the first fit, because the curves may be too
+    close to each other.
     """
     states = predictions[0].evidence.states
     x, words = by_field([state.field_mT for state in states], [state.index for state in states])

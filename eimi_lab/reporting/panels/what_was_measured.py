@@ -120,10 +120,10 @@ def _of_picture(contents: DatasetContents) -> Facts:
 
 
 def _uncertain(stated: Mapping[str, Any] | None) -> Callable[[str], str]:
-    """Return a function that writes the uncertainty of a quantity, whose key in an input file is its argument.
+    """Return a function that returns the uncertainty of a quantity as text, such as ` ± 0.02`.
 
-    `stated` is the table [uncertainty] of the file. The text is, for example, ` ± 0.02`. It is empty for the
-    uncertainty 0, and ` (± not stated)` for a missing key.
+    The argument of the function is the key of the quantity in an input file. `stated` is the table [uncertainty] of
+    this file. The text is empty for the uncertainty 0, and ` (± not stated)` for a missing key.
     """
 
     def words(key: str) -> str:
