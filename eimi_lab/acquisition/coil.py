@@ -83,8 +83,8 @@ class Coil:
     asked_A : float
         Present set-point of the supply, A.
     simulated : bool
-        Whether the supply is simulated in this process. `watch` then does not measure the current: no hardware can
-        fail, and a measurement would change the simulated time and the noise of every run.
+        Whether the supply is simulated in this process. The current is then not measured: no hardware can fail, and a
+        measurement would change the simulated time and the noise of every run.
     interlocks : Interlocks
         Bounds of the readings; a reading outside its bounds ends the run. If there is at least one interlock, the
         current of a simulated supply is measured too.
@@ -104,10 +104,10 @@ class Coil:
         Whether the leads are swapped at the supply. The current of the coil is then minus the current of the supply.
     out_of_control : bool
         Whether a measured current differed from its set-point, a reading left the bounds of its interlock, or the run
-        stood still. `ramp_down` then does nothing.
+        stood still. The coil is then switched off without a ramp.
     unreachable : str
-        Why the supply gives no usable answer, in words; empty if it answers. If the text is not empty, `ramp_down` does
-        nothing.
+        Why the supply gives no usable answer, in words; empty if it answers. If the text is not empty, the coil is
+        switched off without a ramp.
 
     Notes
     -----

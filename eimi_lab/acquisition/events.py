@@ -84,9 +84,9 @@ class ShapeChange:
 
     The beam at rest after the last load cycle is compared with the beam at rest in an earlier cycle. `since_cycle` is
     the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance
-    between the two positions of the tip (pixels and mm); null if no tip is visible. In this case `difference_ratio` is
-    the difference of the two images, divided by the difference that the noise of the camera alone causes; otherwise
-    null.
+    between the two positions of the tip (pixels and mm); null if the tip is not visible in both images. Then
+    `difference_ratio` replaces them: the difference of the two images, divided by the difference that the noise of the
+    camera alone causes. It is null if the tip is visible in both images.
     """
 
     current_A: float

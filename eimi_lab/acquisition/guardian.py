@@ -79,10 +79,7 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The limits with which the guardian process (which switches the coil off if the run dies) opens the driver.
-
-        These are the largest current, the largest voltage, and the current below which the coil counts as off.
-        """
+        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off."""
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 

@@ -1,8 +1,8 @@
 """Pause a run when a person types `p` and Enter on its terminal.
 
 The run pauses only between two states (load steps). If it paused within a state, it would have to measure this state
-again, and the coil would become warmer than `heating` computes. During the pause the coil is off, because a pause may
-last for any time and a person may work at the bench. After the pause, the current ramps through all previous states
+again, and the coil would become warmer than predicted before the run. During the pause the coil is off, because a pause
+may last for any time and a person may work at the bench. After the pause, the current ramps through all previous states
 again, as in a resumed run. To interrupt a run within a state, a person presses Ctrl-C; --resume continues the run.
 """
 

@@ -119,7 +119,8 @@ class Sensing:
         Parameters
         ----------
         coil : Coil
-            The coil, whose current is ramped to `at_rest_A` of the sensor and back to zero.
+            The coil. Its current is ramped to a small current, which the rig file gives for the sensor, and back to
+            zero.
         stop_if_asked : callable
             Called between the operations. It raises an exception if the run has to stop.
 

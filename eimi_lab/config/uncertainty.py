@@ -63,9 +63,9 @@ def check_sizes(table: Table, values: Mapping[str, tuple[str, float | None]], la
     table
         The table [uncertainty]: standard uncertainties by key.
     values
-        The quantities to check, by the key of the uncertainty. Each entry consists of the key of the quantity in the
-        file, and the value of the quantity, which is None if the file does not contain the quantity. Quantities for
-        which a relative uncertainty is not meaningful, such as angles, are absent.
+        The quantities to check, by the key of the uncertainty: the key of the quantity in the file, and its value; None
+        if the file does not contain the quantity. Quantities for which a relative uncertainty is not meaningful, such
+        as angles, are absent.
     largest
         Largest permitted relative uncertainty.
 

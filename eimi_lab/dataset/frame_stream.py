@@ -83,7 +83,7 @@ class FrameStream:
         Raises
         ------
         ValueError
-            If the size or the bit depth of the frame differs from the size or the bit depth of the stack.
+            If the frame differs from the frames before in size or bit depth.
         OSError, RuntimeError
             If an earlier frame could not be written.
         """

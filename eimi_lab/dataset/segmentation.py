@@ -148,12 +148,12 @@ def _find_all(
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states (load steps) without the unjustified flags for a wrong clamp position.
+    """Return the edges of all states (load steps) without false flags for a wrong position of the clamp.
 
     A flag is the record of a failed quality check. The check of the clamp position extrapolates the edges to the line
-    of the clamp. If the beam is strongly curved at the clamp, the extrapolation is wrong by tenths of a millimetre. The
-    flag of a strongly bent state is therefore not reliable. It is replaced by the flag of the state in which the beam
-    is straightest, or removed if that state has no such flag.
+    of the clamp. If the beam is strongly curved at the clamp, this is wrong by tenths of a millimetre. Therefore the
+    flag of the state in which the beam is straightest replaces the flags of strongly bent states. If that state has no
+    such flag, the flags of strongly bent states are removed.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():

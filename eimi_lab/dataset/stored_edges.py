@@ -125,10 +125,9 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 def _comply_with_definition(entry: h5py.Group) -> None:
     """Store what a NeXus application definition requires: its name, and the dates at which the run started and ended.
 
-    The writer of a run cannot store the end of the run where NeXus expects it, because HDF5's
-    single-writer-multiple-reader mode allows no texts of variable length. It stores the end in the table of sessions
-    (the periods of the run between interruptions). This function copies the end from this table. Files of version 0.1.0
-    have dates of fixed length, which are converted.
+    During a run, HDF5 does not allow the type of text that NeXus requires for a date. The end of the run is therefore
+    stored in the table of sessions (the periods of the run between interruptions), and copied from this table here.
+    Files of version 0.1.0 have dates of fixed length, which are converted.
     """
     dates = {"start_time": get_start(entry)}
     if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):

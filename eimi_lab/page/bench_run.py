@@ -11,7 +11,7 @@ off.
 
 The server derives the state of the run only from the events of the run and its guardian. The last line of the run on
 standard error is shown to the person, and does not change the state. In this line and in the sentences about events,
-instructions for a terminal are replaced by those for the page (`instructions`).
+instructions for a terminal are replaced by those for the page.
 """
 
 from __future__ import annotations

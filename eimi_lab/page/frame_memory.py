@@ -35,7 +35,7 @@ class NewestFrame:
     Parameters
     ----------
     number : int
-        Number of frames that were written into the memory up to this frame, from 1.
+        Number of the frame. The frames are counted from 1 in the order in which they were written into the memory.
     image : ndarray, shape (H, W) or (H, W, 3)
         The image of H by W pixels, grey or with three colour channels.
     about : dict

@@ -85,9 +85,8 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
 def tip_angles_deg(motion: Motion) -> Array:
     """Return the rotation of the beam's tip in each of the n frames of a recorded motion.
 
-    The rotation is relative to the undeformed beam.
-
-    The direction of the tip is the direction of the line through the two points that are farthest from the clamp.
+    The rotation is relative to the undeformed beam. The direction of the tip is the direction of the line through the
+    two points that are farthest from the clamp.
 
     Parameters
     ----------

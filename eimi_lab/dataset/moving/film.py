@@ -50,11 +50,11 @@ class Film:
     right_px: Array
 
     def sigma_mm(self, middle_mm: Array) -> Array:
-        """Return, for each of the p points, the standard deviation of its noise across the beam, mm.
+        """Return the standard deviation of the measurement noise of each of the p points, across the beam, mm.
 
-        The true shape of the beam is smooth. In each frame, it is approximated by a polynomial of degree 5 in the
-        distance from the clamp, which is fitted to the coordinates y of all points. The standard deviation of a point
-        is computed from its deviations from these polynomials in all frames.
+        In each frame, a smooth curve (a polynomial of degree 5 in the distance from the clamp) is fitted to the
+        coordinates y of all points. The standard deviation of a point is computed from its distances to these curves
+        in all frames.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ Panels of the appendix:
 
 laws                    parameters, misfit and largest stretch of each fit, and the comparison of the laws
 uncertainty_budget      the contribution of each source of uncertainty to the interval
-causes_of_all_fits      causes of the residuals of the fits that the first pages do not show
+causes_of_all_fits      causes of the residuals, for all fits except those on the first pages
 law_of_time             viscoelastic (Prony) law: ring-downs, the modulus against time, and creep
 parameter_correlation   correlations between the errors of the fitted unknowns
 stress_strain           stress against strain of each law

@@ -47,8 +47,8 @@ def drawn_stress(
     """Draw stress against strain: a column for each mode of deformation, a row for each kind of fitted data.
 
     The line of a fit is solid within the data of the fit, and thin and dashed beyond the data. Strains that no bent
-    specimen reached are shaded. With several fits, the last row shows the relative difference of each stress from the
-    stress of the first fit, because the curves may coincide.
+    specimen reached are shaded. With several fits, a last row shows the relative difference of each stress from the
+    stress of the first fit, because the curves may be too close to each other.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def drawn_stress(
     bent_to : float or None
         The largest strain of a bent specimen.
     origins : sequence of str, optional
-        The kinds of fitted data to draw; by default all kinds. The relative differences are drawn with the last kind.
+        The kinds of fitted data to draw; by default all kinds. The last row is drawn only with the last kind.
     """
     every_origin = _origins(fits)
     origins = every_origin if origins is None else origins
