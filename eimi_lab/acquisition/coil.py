@@ -152,7 +152,7 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Fix the moment from which the time limit of `ramp_down` counts: `ago_s` seconds before this call.
+        """Let the time limit of the ramp down count from now, or from `ago_s` seconds before now.
 
         The handler of a signal calls this method at once, while an exchange with the supply may still be in progress.
         The rest of this exchange then counts as part of the ramp. Only the first call has an effect.
@@ -353,9 +353,9 @@ class Coil:
             return replace(step, uncertainty_s=math.hypot(step.uncertainty_s, followed_s))
 
     def wait_until_reached(self, stop_if_asked: Callable[[], None] = never) -> None:
-        """Wait until the measured current agrees with the set-point within `ramp.tolerance_A`.
+        """Wait until the measured current agrees with the set-point within the tolerance of the protocol.
 
-        Raises InstrumentError if the current takes longer than `REACHED_WITHIN_S`.
+        Raises InstrumentError if this takes longer than a few seconds.
         """
         began = self._clock.now()
         while abs((measured := self._measure_A()) - self.asked_A) > self._rule.tolerance_A:

@@ -61,8 +61,8 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
     """Raise InputError if a dark frame or a flat field cannot belong to the frames of a dataset.
 
     A dark frame is taken without light. A flat field shows the back-light without the beam. An image must have the size
-    and the bit depth of the frame. The median of a dark frame must be at most half of the brightness of the back-light,
-    for which the 99th percentile of the frame is used.
+    and the bit depth of the frame. The median of a dark frame must be at most half of the 99th percentile of the frame,
+    which is the brightness of the back-light.
     """
     from eimi_lab.vision.image_files import describe_image  # imports OpenCV, which loads slowly
 

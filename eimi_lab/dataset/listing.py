@@ -168,7 +168,7 @@ def _near(row: Row, images: list[Path]) -> str:
 
 
 def _image_at_path(row: Row) -> list[Path]:
-    """Return the image whose path is given in a row of the table, as a list with one element; an empty list without it.
+    """Return a list with the image whose path is in a row of the table; an empty list if there is no such image.
 
     The path is relative to the folder of the table.
     """

@@ -181,9 +181,9 @@ def _without_accept(send: Send) -> Send:
 
 
 def with_headers(send: Send) -> Send:
-    """Return a function that adds headers to an answer, which restrict what a browser may do with it, and sends it.
+    """Return a function that sends an answer with additional headers.
 
-    A header that the answer already contains is kept.
+    The headers restrict what a browser may do with the answer. A header that the answer already contains is kept.
     """
 
     async def bound(message: Message) -> None:

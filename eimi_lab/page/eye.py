@@ -109,9 +109,9 @@ def _described(frame: NewestFrame, calibration: Calibration) -> dict[str, Any]:
 def light(image: NDArray[Any]) -> dict[str, Any]:
     """Return the exposure of an image, shape (H, W) or (H, W, 3) with H by W pixels, as a JSON object.
 
-    "histogram" contains the share of the pixels in each of some equal intervals from 0 to the largest grey level.
-    "saturated_share" is the share of saturated pixels. In a colour image the brightest channel of each pixel is used,
-    because a single saturated channel displaces an edge.
+    "histogram" divides the range from 0 to the largest grey level into equal intervals, and contains the share of the
+    pixels in each interval. "saturated_share" is the share of saturated pixels. In a colour image the brightest channel
+    of each pixel is used, because a single saturated channel displaces an edge.
     """
     some = image[::4, ::4] if image.size > 1 << 18 else image
     brightest = some if some.ndim == 2 else some.max(axis=2)

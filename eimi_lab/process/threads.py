@@ -1,7 +1,7 @@
 """The number of threads for linear algebra, which is one.
 
-With matrices of this size more threads bring no gain, and the threads wait for each other if there are few processors.
-More threads also add numbers in a varying order, which changes the last digits of results.
+The matrices in this program are so small that more threads bring no gain, and the threads wait for each other if there
+are few processors. More threads also add numbers in a varying order, which changes the last digits of results.
 """
 
 import os

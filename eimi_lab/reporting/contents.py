@@ -57,10 +57,11 @@ class DatasetContents:
 
     @property
     def best(self) -> Prediction[ShownFit] | None:
-        """Return the simulation of the dataset that figures with only one fit show.
+        """Return the simulation of the dataset for figures that show only one fit.
 
-        This is the simulation by the leading fit. If the beam has no equilibrium with the leading fit, it is the
-        simulation with the smallest mean error; None if the beam has no equilibrium with any fit.
+        This is the simulation by the leading fit, which represents the dataset in such figures. If the beam has no
+        equilibrium with the leading fit, it is the simulation with the smallest mean error; None if the beam has no
+        equilibrium with any fit.
         """
         return self.simulated_by(self.leading) or min(
             self.simulated, key=lambda prediction: float(prediction.error_mm.mean()), default=None

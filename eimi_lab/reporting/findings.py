@@ -201,9 +201,9 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict:
-    """Return the verdict on the input to measure better next, with the interval of the modulus after this measurement.
+    """Return the answer to the question what to measure better next, with the interval of the modulus after that.
 
-    If the files give no uncertainty of any input, the verdict says that the fit cannot compare the inputs.
+    If the files give no uncertainty of any input, the answer is "not known".
     """
     if not fit.budget and fit.taken_as_exact:
         return Verdict(

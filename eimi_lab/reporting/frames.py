@@ -102,9 +102,9 @@ def edges_px(contents: DatasetContents, state: State) -> list[Array]:
 
 
 def some_states(contents: DatasetContents, most: int) -> list[int]:
-    """Return the indices, among the used states, of at most `most` states from the smallest to the largest load.
+    """Choose at most `most` of the states that the fits use, and return their indices among these states.
 
-    The states are evenly spaced in the order of their loads.
+    The chosen states are evenly spaced in the order of their loads, from the smallest to the largest load.
     """
     order = np.argsort(loads(contents), kind="stable")
     rows = np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).round().astype(int))

@@ -60,10 +60,11 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section (model of the cross-section) that a fit itself determines for the dataset with this hash.
+    """Return the section (model of the cross-section) with which a dataset is simulated, if a fit determines it.
 
-    This is the section with which the law was fitted to the dataset or, for another dataset, the section of all
-    datasets of the fit. None is returned for a tensile fit, and if the datasets of the fit have different sections.
+    If the law was fitted to the dataset with the hash `sha256`, this is the section of that fit. For another dataset it
+    is the section that all datasets of the fit have. None is returned if these have different sections, and for a
+    tensile fit.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

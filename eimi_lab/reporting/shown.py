@@ -95,7 +95,7 @@ def sections_of(fit: FitRecord) -> tuple[str, ...]:
 
 
 def chosen(group: Sequence[ShownFit]) -> ShownFit:
-    """Return the best fit of a group of at least one fit.
+    """Return the best fit of a group of fits, which must not be empty.
 
     If a file of the group compares several laws, the first such file is used. The result is the fit in this file with
     the smallest AICc, or with the smallest BIC if there are too few data for AICc. If no file compares laws, the result

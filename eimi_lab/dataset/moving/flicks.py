@@ -95,7 +95,7 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 
 
 def _deflection(points_mm: Array) -> Array | None:
-    """Return the deflection in each of n frames of the point that moves most, mm, shape (n,).
+    """Return the deflection of the point that moves most, in each of n frames, mm, shape (n,).
 
     `points_mm` contains the positions of p points, shape (n, p, 2). In frames that do not show the point, the
     deflection is interpolated. The result is None if no point was seen in more than half of the frames.

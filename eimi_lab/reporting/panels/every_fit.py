@@ -15,10 +15,10 @@ _ABREAST = 4  # columns of specimens in one table
 
 
 def matrix(report: ReportContents) -> list[tuple[ShownFit, list[tuple[Validation, bool]]]]:
-    """Return, for each fit, its errors on all datasets of a report, and which of them are the smallest.
+    """Return each fit with a list of its errors on all datasets of a report.
 
-    The second element of an entry is a list with one pair for each dataset: the errors of the fit on the dataset, and
-    whether its mean error there is the smallest of all fits.
+    The list has one pair for each dataset: the errors of the fit on the dataset, and whether its mean error on this
+    dataset is the smallest of all fits.
     """
     columns = [shown.validations for shown in report.datasets]
     least = [min((v.mean_error_mm for v in column if v.mean_error_mm is not None), default=None) for column in columns]
