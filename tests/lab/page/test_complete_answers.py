@@ -1,4 +1,4 @@
-"""Complete answers of the page: each is compared with all that it should contain, not only with a part of it."""
+"""The answers of the dashboard's server contain exactly what they should, and nothing else."""
 
 from __future__ import annotations
 
@@ -89,7 +89,10 @@ def test_a_picture_is_reduced_only_if_it_is_too_wide(widest_px: int | None, shap
 
 
 def test_the_modulus_so_far_is_answered_with_all_its_values(data_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The experiment contains as many states as were asked for, and each search begins at the estimate before."""
+    """The modulus that is estimated during a run is answered with its interval, its error and the number of states.
+
+    Each fit uses as many stored states as the request names, and begins at the estimate of the fit before.
+    """
     estimate = SimpleNamespace(states=1, value_Pa=50e3, interval_95_Pa=(40e3, 61e3), limited_by="clamp", error_mm=0.02)
     asked: list[Any] = []
     monkeypatch.setattr(stored_runs, "_last_estimate", {})
@@ -197,7 +200,10 @@ def a_run(changed: list[str]) -> BenchRun:
 
 
 def test_the_progress_of_a_run_follows_its_events() -> None:
-    """Every change is told to the tabs; the estimate is the mean time of the states since the first stored one."""
+    """The displayed progress of a run changes with each event of the run, and every change is sent to the tabs.
+
+    The remaining time is estimated from the mean time between the stored states.
+    """
     changed: list[str] = []
     run = a_run(changed)
     expected = asdict(Progress(3, "sub/d.h5", "p", "s", "virtual")) | {"said": []}
@@ -253,7 +259,7 @@ def test_the_page_keeps_the_sentences_of_the_last_40_events() -> None:
 
 
 class Recorded:
-    """A run that is under way and remembers what the page asks of it."""
+    """A replacement for a run that is under way; it records the requests of the page."""
 
     going_on = True
     asked: list[Any] = []  # noqa: RUF012
@@ -283,7 +289,7 @@ class Recorded:
 
 @pytest.fixture
 def recorded(served: Any, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What the page asks of a run, while the page starts recorded runs instead of real ones."""
+    """The list of the page's requests to a run; the page starts `Recorded` objects instead of real runs."""
     monkeypatch.setattr(run_desk, "BenchRun", Recorded)
     monkeypatch.setattr(Recorded, "asked", [])
     monkeypatch.setattr(Recorded, "going_on", True)

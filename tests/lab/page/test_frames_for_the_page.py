@@ -1,4 +1,4 @@
-"""What a run and a live camera send to the page: frames in shared memory, their descriptions, and their edges."""
+"""A run and a live camera send frames in shared memory, descriptions of the frames, and edges to the page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def memory() -> Any:
     ],
 )
 def test_a_frame_is_read_as_it_was_written(memory: int, image: Any) -> None:
-    """Two processes share the memory: what one has written, the other reads."""
+    """A frame that one process writes into shared memory is read unchanged by another process."""
     writer, reader = FrameMemory(memory), FrameMemory(memory)
     assert (reader.newest(), reader.read(0)) == (0, None)
     for number in (1, 2, 3):
@@ -74,7 +74,10 @@ def test_a_frame_that_is_larger_than_its_slot_is_thinned_out(memory: int) -> Non
 
 
 def test_a_frame_that_is_overwritten_during_each_attempt_is_not_shown(memory: int) -> None:
-    """The reader sees another counter after the pixels than before them, and gives up after some attempts."""
+    """A frame that is overwritten while it is read is not returned, even after several attempts.
+
+    The memory contains a counter before and after the pixels of a frame. While the pixels are written, the two differ.
+    """
     frames = FrameMemory(memory)
     frames.write(np.zeros((2, 2), np.uint8), {})
     place = frames._place(1)
@@ -215,7 +218,7 @@ def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
 
 
 class Supply:
-    """A supply that remembers the calls of its methods."""
+    """A replacement for a supply, which records the calls of its methods."""
 
     limits = Limits(current_A=2.0, voltage_V=10.0)
     measures_current = False
@@ -311,7 +314,10 @@ def test_a_supply_that_is_not_confirmed_off_keeps_its_values(monkeypatch: pytest
 def test_frames_of_a_run_are_announced_at_most_40_times_a_second(
     memory: int, monkeypatch: pytest.MonkeyPatch, frame: Any
 ) -> None:
-    """A run at 100 frames a second sends every third frame. Its lines on standard input reach the run."""
+    """A run with 100 frames a second sends every third frame to the page.
+
+    Lines that the page writes to the standard input of the run reach the run.
+    """
     times = iter(100.0 + 0.01 * k for k in range(1000))
     monkeypatch.setattr(watched_run, "time", SimpleNamespace(monotonic=lambda: next(times)))
     listened: list[Any] = []

@@ -1,4 +1,4 @@
-"""What the view "Weights and a phone" answers about photographs, and what it writes beside them."""
+"""The view "Weights and a phone" gives the right answers about photographs, and writes the right files beside them."""
 
 from __future__ import annotations
 

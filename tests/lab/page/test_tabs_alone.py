@@ -1,4 +1,4 @@
-"""The messages that the page exchanges with each tab, with sockets that answer without a network."""
+"""The server of the page exchanges the right messages with each tab; replacements for WebSockets need no network."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.patience import PATIENCE_S
 
 
 class Socket:
-    """A WebSocket whose other side is this test."""
+    """A replacement for a WebSocket: the test takes the place of the tab."""
 
     def __init__(self) -> None:
         self.accepted, self.closed = False, ()
@@ -55,7 +55,7 @@ class Socket:
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
-    """Run a coroutine in a thread of its own, because the browser of another test may have left an event loop here."""
+    """Run a coroutine in a new thread, because the browser of another test may still have an event loop in this one."""
 
     async def whole() -> None:
         await test()
@@ -65,7 +65,7 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
 
 
 def test_a_frame_is_sent_after_the_frame_before_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tab receives the newest state, edges and frame. Frames that come while it draws one are dropped."""
+    """A tab gets a frame only after it has shown the frame before; of the frames since then, it gets the newest."""
     monkeypatch.setattr(tabs_module, "time", SimpleNamespace(monotonic=lambda: 105.0))
 
     async def test() -> None:
