@@ -113,7 +113,7 @@ def project(
     level = (mean_out * weight).sum(axis=1)
     linear = np.clip(np.einsum("nmc,nc->nm", colours, weight) - level[:, None], *_LIMITS)
     if not shadowless:  # a histogram would separate the colours of the shadow
-        linear = 0.5 * (linear + _histogram_ratio(unrolled.bins, inside, outside))
+        linear = 0.5 * (linear + _beam_probability(unrolled.bins, inside, outside))
     if unrolled.covered is not None:
         linear[unrolled.covered] = 0.5  # neither inside nor outside
     return ColourProjection(linear, np.sqrt(height), weight, level, step)
@@ -139,7 +139,7 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
     return mean, square / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
 
 
-def _histogram_ratio(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
+def _beam_probability(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
     """Return, for each sampled point, the probability that its colour is a colour of the beam, shape (n, m).
 
     The probability follows from the frequencies of the colour at the points `inside` and `outside` the beam. The n by m

@@ -99,10 +99,10 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
     for station in range(stations - 1, 0, -1):
         predecessors = index[:, seams[:, station]]
         seams[:, station - 1] = predecessors[(best[station - 1][rows, predecessors] - cost).argmax(axis=0), rows]
-    return np.stack([_between(values, seam, across) for values, seam in zip(value, seams, strict=True)])
+    return np.stack([_refined_positions(values, seam, across) for values, seam in zip(value, seams, strict=True)])
 
 
-def _between(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
+def _refined_positions(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
     """Return the positions across the beam of a seam (line along an edge) at n stations, in nominal widths, (n,).
 
     The seam has the index `seam` (n,) among the m points across the beam, whose coordinates are `across` (m,). The

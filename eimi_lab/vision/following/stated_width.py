@@ -48,7 +48,7 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
         The edges. `Seams.shadow` contains the distance by which an edge was moved.
     """
     stated = unrolled.stated
-    if _wider(seams.edge / stated, end) < _WIDER:
+    if _log_width(seams.edge / stated, end) < _WIDER:
         return seams
     best, best_support = seams, _LEAST_SUPPORT
     for row in (0, 1):
@@ -65,7 +65,7 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
         if (
             support > best_support
             and separation > _LEAST_SEPARATION
-            and abs(_wider(edge / stated, end)) < _AS_STATED
+            and abs(_log_width(edge / stated, end)) < _AS_STATED
             and float(np.median(inward[:end])) > 0.0
             and float(dark[:end].mean()) > 0.5
         ):
@@ -73,7 +73,7 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     return best
 
 
-def _wider(edge: Array, end: int) -> float:
+def _log_width(edge: Array, end: int) -> float:
     """Return the logarithm of the beam's width, in nominal widths; positive for a beam wider than stated.
 
     The width is the median over the stations (places along the beam) before `end`. `edge` (2, n) holds the positions of
