@@ -1,0 +1,103 @@
+"""Every panel of the report of a small measurement has the accepted sentences, tables and figures.
+
+`whole_report.txt` contains a description of each panel. If the test fails, it prints the lines that differ and the path
+of the new description. Read the differences before you copy the new description over the old one.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset.importing import import_frames
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.prediction import predict_on_each
+from eimi_lab.fits.records import FitRecord
+from eimi_lab.fits.tensile_record import TensileRecord
+from eimi_lab.reporting.contents import DatasetContents, ReportContents
+from eimi_lab.reporting.panel import DatasetPanel, all_panels
+from eimi_lab.reporting.sections import evidence_for_fits
+from tests.lab.printed.described import described, differences
+
+ACCEPTED = Path(__file__).with_name("whole_report.txt")
+
+
+def photographed(folder: Path) -> Path:
+    """Import three pictures of a beam that bends, and return the dataset."""
+    (folder / "specimen.toml").write_text(
+        '[specimen]\nname = "drawn"\nmaterial = "soft"\nlength_mm = 10.0\nwidth_mm = 2.0\ndepth_mm = 2.0\n'
+        'density_kg_m3 = 1070.0\nsection = "plane-stress"\n[magnet]\nlength_mm = 2.0\nwidth_mm = 2.0\n'
+        "depth_mm = 1.0\nremanence_T = 1.2\ndensity_kg_m3 = 7500.0\n"
+    )
+    (folder / "calibration.toml").write_text(
+        "pixels_per_mm = 8.0\ncoil_constant_mT_per_A = 4.7\nclamp_midpoint_px = [99.5, 39.5]\naxis_angle_deg = 90.0\n"
+        "gravity_angle_deg = 90.0\nfield_angle_deg = 0.0\n"
+    )
+    (folder / "frames").mkdir()
+    rows = ["frame,current_A"]
+    for number, bend_px in enumerate((0.0, 4.0, 9.0)):
+        fine = np.full((180 * 4, 200 * 4), 200.0, np.float32)
+        fine[:160] = 40.0
+        along = np.arange(160, 480)
+        middles = 4 * (99.5 + bend_px * ((along - 160) / 320.0) ** 2)
+        for row, middle in zip(along, middles, strict=True):
+            fine[row, round(middle - 30) : round(middle + 34)] = 40.0
+        image = cv2.resize(cv2.GaussianBlur(fine, (0, 0), 4.0), (200, 180), interpolation=cv2.INTER_AREA)
+        image += np.random.default_rng(number).normal(0.0, 2.0, image.shape).astype(np.float32)
+        cv2.imwrite(str(folder / "frames" / f"f_{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
+        os.utime(folder / "frames" / f"f_{number}.png", (1.7e9, 1.7e9))
+        rows.append(f"f_{number}.png,{0.5 * number}")
+    (folder / "states.csv").write_text("\n".join(rows) + "\n")
+    specimen, calibration = load_specimen(folder / "specimen.toml"), load_calibration(folder / "calibration.toml")
+    import_frames(folder / "frames", folder / "states.csv", specimen, calibration, folder / "photos.h5")
+    return folder / "photos.h5"
+
+
+def test_every_panel_of_a_report_is_as_accepted(
+    fit: FitRecord,
+    tensile: TensileRecord,
+    evidence: Evidence,
+    shown: Callable[..., Any],
+    choices: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fits.json").write_text("{}")
+    paths = [photographed(tmp_path), evidence.path]
+    bending = shown(fit, choices)
+    stretched = replace(shown(tensile), origin="tensile 50 %")
+    fits = (bending, stretched)
+    evidences, on = zip(*(evidence_for_fits(path, fits, flagged=True) for path in paths), strict=True)
+    predictions = dict(predict_on_each(on))
+    with open_dataset(paths[0]) as photos, open_dataset(paths[1]) as points:
+        datasets = tuple(
+            DatasetContents(dataset, evidences[k], predictions[k], f"{k}.h5", bending)
+            for k, dataset in enumerate((photos, points))
+        )
+        report = ReportContents(fits, datasets, datetime(2026, 3, 4, 5, 6, tzinfo=UTC), "eimi report")
+        lines: list[str] = []
+        for panel in all_panels():
+            given: list[Any] = list(datasets) if isinstance(panel, DatasetPanel) else [report]
+            for number, content in enumerate(given):
+                lines += described(panel.values(content), f"{panel.title} {number}")
+    for folder in (tmp_path, paths[1].parent):
+        lines = [line.replace(str(folder), "FOLDER") for line in lines]
+    lines = [re.sub(r"\b[0-9a-f]{64}\b", "SHA-256", " ".join(line.split())) for line in lines]
+    lines = [line for line in lines if not re.search(r"\.versions| UTC$|\d s$", line)]  # of this computer and hour
+    new = tmp_path / "whole_report.txt"
+    new.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    wrong = differences(lines, ACCEPTED.read_text(encoding="utf-8").splitlines() if ACCEPTED.exists() else [])
+    assert not wrong, "\n".join([*wrong, f"the new description is {new}"])
