@@ -14,8 +14,10 @@ repeats the mistakes that survived.
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
 the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
-`tests_by_line` and must exist before. A mistake is also caught if a file of these tests cannot be imported any more. A
-mistake counts as missed if no test executes its line, or if its tests end without a result. Mistakes that
+`tests_by_line` and must exist before. The map does not contain processes that a test starts, and may not contain slow
+tests. If no test of the map fails, the tests that ``room_tests.toml`` lists for the folder of the mistake are run too;
+each of them belongs to the suite. A mistake is also caught if a file of these tests cannot be imported any more. A
+mistake counts as missed if no test fails, or if its tests end without a result. Mistakes that
 ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not counted. The script prints the shares
 of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 """
@@ -47,6 +49,7 @@ from benchmarks.tests_by_line import TestsByLine
 PROJECT = Path(__file__).parents[1]
 LISTS = Path(__file__).parent / "mistakes"
 EQUIVALENT = Path(__file__).parent / "equivalent_mistakes.toml"
+ROOM_TESTS = Path(__file__).parent / "room_tests.toml"
 LEAST = 150  # smallest number of mistakes that the lists must contain
 TEST_LIMIT_S = 300  # time limit (s) of one test, instead of the limit in pyproject.toml
 RUN_LIMIT_S = 1800  # time limit (s) of all tests of one mistake; the mistake counts as survived after this time
@@ -54,6 +57,9 @@ RUN_LIMIT_S = 1800  # time limit (s) of all tests of one mistake; the mistake co
 # tests.
 SLOWER = 20
 LEAST_LIMIT_S = 120
+
+ROOM_LIMIT_S = 900.0
+"""Time limit (s) of the tests that `ROOM_TESTS` lists for one mistake."""
 
 # The first tests of a mistake run alone before the others. They catch most mistakes, and pytest reads the files of all
 # tests that it is given before it runs one.
@@ -104,6 +110,17 @@ class Mutant:
     tests: tuple[str, ...]
     limit_s: float = RUN_LIMIT_S
     is_generated: bool = False
+
+    def room_tests(self, project: Path) -> list[str]:
+        """Return the tests that run if none of `tests` catches the mistake: none for a listed mistake.
+
+        `project` is the folder of the project or of its copy. Tests that do not exist there are left out.
+        """
+        if not self.is_generated:
+            return []
+        by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))
+        listed = [test for folder, tests in by_folder.items() if self.file.startswith(folder) for test in tests]
+        return [test for test in listed if (project / test).exists()]
 
     @property
     def key(self) -> str:
@@ -163,6 +180,8 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
         for tests in (mutant.tests[:FIRST_TESTS], mutant.tests[FIRST_TESTS:]):
             if tests and outcome == SURVIVED:
                 outcome, line = run_tests(tests, copy, mutant.limit_s)
+        if outcome == SURVIVED and (room_tests := mutant.room_tests(copy)):
+            outcome, line = run_tests(room_tests, copy, ROOM_LIMIT_S)
         whole = tuple(dict.fromkeys(test.partition("[")[0] for test in mutant.tests))
         if outcome == BROKEN and whole != mutant.tests and not _is_import_failure(line):
             outcome, line = run_tests(whole, copy, mutant.limit_s)  # the mistake changed the parameters of a test
@@ -170,7 +189,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
         file.write_bytes(right)
         os.utime(file, (stat.st_atime, stat.st_mtime))
     if outcome == BROKEN and _is_import_failure(line):
-        right_code, _ = run_tests(mutant.tests, copy, mutant.limit_s, ("--collect-only",))
+        right_code, _ = run_tests(mutant.tests or mutant.room_tests(copy), copy, mutant.limit_s, ("--collect-only",))
         outcome = CAUGHT if right_code == SURVIVED else BROKEN
     return outcome, line
 
@@ -339,7 +358,7 @@ def main() -> int:
             copies.put(copied(PROJECT, Path(folder) / str(job)))
 
         def one(mutant: Mutant) -> tuple[Mutant, str, str, float]:
-            if not mutant.tests:
+            if not mutant.tests and not mutant.room_tests(PROJECT):
                 return mutant, SURVIVED, "no test executes the line", 0.0
             copy, start_s = copies.get(), time.perf_counter()
             try:

@@ -8,11 +8,13 @@ reports the mistake as detected if a test fails.
 from __future__ import annotations
 
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from benchmarks import mutants
 from benchmarks.mutants import BROKEN, CAUGHT, LEAST, LISTS, SURVIVED, Mutant, copied, every_mutant, table, tried
 
 PROJECT = Path(__file__).parents[1]
@@ -68,3 +70,34 @@ def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -
     assert table([minus, product, nowhere], outcomes)[-1] == "| all | 3 | 1 | 33 % |"
     with pytest.raises(ValueError, match="'a / b' 0 times"):
         replace(minus, right="a / b").applied((copy / "sums.py").read_text())
+
+
+def test_a_generated_mistake_that_the_map_misses_is_tried_with_the_tests_of_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The test of the map does not notice that a sum is a product; the test that is listed for its folder does."""
+    project = tmp_path / "small"
+    (project / "inner").mkdir(parents=True)
+    (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')
+    (project / "inner" / "sums.py").write_text("def add(a, b):\n    return a + b\n")
+    for name, sum_ in (("map", "2, 2) == 4"), ("folder", "1, 2) == 3")):
+        (project / f"test_{name}.py").write_text(f"from inner.sums import add\n\ndef test():\n    assert add({sum_}\n")
+    copy = copied(project, tmp_path / "copies")
+    listed = tmp_path / "room_tests.toml"
+    monkeypatch.setattr(mutants, "ROOM_TESTS", listed)
+    product = Mutant(1, "inner", "", "inner/sums.py", "a + b", "a * b", ("test_map.py",), is_generated=True)
+    for folder, tests, outcome in (
+        ("inner/", '["test_folder.py", "test_that_does_not_exist.py"]', CAUGHT),
+        ("", '["test_folder.py"]', CAUGHT),
+        ("outer/", '["test_folder.py"]', SURVIVED),
+    ):
+        listed.write_text(f'"{folder}" = {tests}\n')
+        assert tried(product, copy)[0] == outcome
+    assert replace(product, is_generated=False).room_tests(copy) == []
+
+
+def test_the_tests_of_the_folders_exist() -> None:
+    by_folder = tomllib.loads(mutants.ROOM_TESTS.read_text(encoding="utf-8"))
+    assert all((mutants.PROJECT / folder).is_dir() for folder in by_folder)
+    missing = [test for tests in by_folder.values() for test in tests if not (mutants.PROJECT / test).exists()]
+    assert missing == []
