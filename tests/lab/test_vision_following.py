@@ -114,7 +114,10 @@ def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
 
 
 def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along_the_beam():
-    """A bent beam, 1.6 times as wide amid its length as at its ends, lies on clutter of about its own brightness."""
+    """The edges of a beam of varying width are found if the specimen file gives the width at each distance.
+
+    The beam is bent, and 1.6 times as wide in its middle as at its ends. It lies on clutter of about its brightness.
+    """
     y, x = np.mgrid[0:480, 0:360].astype(float)
     arc = (y - 40.0) / 400.0
     middle, factor = 160.0 + 60.0 * arc**2, 1.0 + 0.6 * np.exp(-0.5 * ((arc - 0.5) / 0.15) ** 2)
@@ -147,7 +150,10 @@ def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along
 
 @pytest.mark.parametrize(("contrast", "points"), [(14.0, 80), (18.0, 80)])
 def test_a_cable_that_crosses_a_faint_beam_does_not_hide_the_edges_beside_the_crossing(contrast, points):
-    """A dark cable, a third as wide as the beam, crosses the beam obliquely at the middle of its length."""
+    """Both edges of a faint beam are found on both sides of a dark cable that crosses the beam.
+
+    The cable is a third as wide as the beam, and crosses it obliquely at the middle of its length.
+    """
     y, x = np.mgrid[0:460, 0:300].astype(float)
     image = np.full((460, 300, 3), (190.0, 185.0, 180.0))
     image[(np.abs(x - 150.0) < 21.0) & (y > 20.0) & (y < 440.0)] -= contrast * np.array([0.5, 0.7, 1.0])
@@ -365,9 +371,9 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 
 def test_the_states_on_both_sides_guide_the_search_in_the_state_between_them(run, files, monkeypatch):
-    """If no single guide helps, the beam is expected between the earlier and the later state.
+    """If the centre line of one neighbouring state does not help the search, the lines of both neighbours are used.
 
-    The test replaces the search. In the second state, the search finds the beam only between two lines.
+    The test replaces the search. In the second state, it finds the beam only if it is given both lines.
     """
     found = []
 
@@ -384,7 +390,10 @@ def test_the_states_on_both_sides_guide_the_search_in_the_state_between_them(run
 
 @pytest.mark.parametrize(("aside_mm", "kept"), [(0.0, True), (0.9, True), (2.5, False)])
 def test_a_beam_that_does_not_lie_between_its_neighbours_is_not_used(aside_mm, kept):
-    """The beam is 2 mm wide, and its middle line is at 0 mm in the earlier state and at 1 mm in the later one."""
+    """A body that lies far from the beams of the earlier and of the later state is not taken as the beam.
+
+    The beam is 2 mm wide, and its middle line is at 0 mm in the earlier state and at 1 mm in the later one.
+    """
 
     def at(y_mm):
         x = np.linspace(1.0, 20.0, 30)
@@ -436,7 +445,7 @@ def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_tog
 
 
 def test_a_clicked_line_follows_a_strongly_bent_beam():
-    """The line passes within 10 px of three clicks on a half circle of 300 px radius."""
+    """The line from the clamp passes within 10 px of three clicks, which lie on a half circle of 300 px radius."""
     angle = np.radians([60.0, 120.0, 180.0])
     clicks = 300.0 * np.column_stack([1.0 - np.cos(angle), np.sin(angle)])
     line = clicked_line(np.zeros(2), np.array([0.0, 1.0]), clicks)

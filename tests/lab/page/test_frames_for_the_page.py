@@ -171,7 +171,10 @@ def test_no_edges_are_sent_without_a_frame(
 
 @pytest.mark.parametrize(("dtype", "most"), [(np.uint8, 255), (np.uint16, 65535)])
 def test_the_histogram_counts_each_grey_level_once(dtype: Any, most: int) -> None:
-    """A quarter of the pixels is black, a quarter is at half of the range, and half of the pixels is saturated."""
+    """The histogram gives the share of the pixels at each grey level.
+
+    A quarter of the pixels is black, a quarter is at half of the range, and half of the pixels is saturated.
+    """
     image = np.array([[0, most // 2, most, most]], dtype)
     exposure = light(image)
     expected = [0.25] + [0.0] * 30 + [0.5]
@@ -199,7 +202,10 @@ def test_the_exposure_of_a_large_frame_is_that_of_every_fourth_pixel() -> None:
 def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
     files: Path, texts: dict[str, str], drawn_px: float, names: list[str]
 ) -> None:
-    """A beam of 16 x 80 px below its clamp is drawn with a known blur. The limit of the blur is 2.5 px."""
+    """The page always gets the blur of the edges, and gets a flag (warning) only if the blur is above 2.5 px.
+
+    A beam of 16 x 80 px below its clamp is drawn with a known blur.
+    """
     (files / "below.toml").write_text(texts["calibration"].replace("[64.0, 8.0]", "[99.5, 39.5]"))
     calibration, beam = load_calibration(files / "below.toml"), load_specimen(files / "specimen.toml")
     image = np.full((180, 200), 200.0)
