@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from eimi_drivers.interfaces import SensorReading
+from eimi_drivers.clock import SimulatedClock
+from eimi_drivers.emulators.serve import emulate
+from eimi_drivers.emulators.supply import CoilSupply
+from eimi_drivers.interfaces import Limits, SensorReading
+from eimi_drivers.supplies import SUPPLIES
+from eimi_drivers.supplies.transport import InProcessTransport
 from eimi_lab.acquisition import coil_calibration
 from eimi_lab.acquisition.coil_calibration import CoilCalibration, calibration_currents, with_measured_coil
 from eimi_lab.acquisition.events import Event
@@ -127,6 +133,64 @@ def test_the_currents_of_a_calibration_go_up_and_back_and_then_the_other_way_on_
     virtual = load_rig(str(tmp_path / "rig.toml"))
     assert min(calibration_currents(virtual, None, 3)) == 0.0
     assert calibration_currents(virtual, 2.0, 2)[1] == 2.0  # the limit itself is permitted
+
+
+def test_each_current_is_held_for_half_a_second_before_five_readings_that_are_a_tenth_of_a_second_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock, ramps, read_s = SimulatedClock(), list[Any](), list[float]()
+
+    class FollowingCoil:
+        def __init__(self, supply: Any, clock: Any, ramp: Any, **options: Any) -> None:
+            ramps.append(ramp)
+
+        def ramp_to(self, current_A: float, stop_if_asked: Any) -> None:
+            ramps.append(current_A)
+
+        def wait_until_reached(self, stop_if_asked: Any) -> None:
+            clock.sleep(10.0)
+
+    class Probe:
+        def __init__(self, sensors: Any, clock: Any, warn: Any) -> None: ...
+
+        def begin(self) -> Any:
+            return None, [SimpleNamespace(name="hall")]
+
+        def read(self) -> dict[str, SensorReading]:
+            read_s.append(clock.now() - began_s)
+            return {"hall": SensorReading(2.0 * (len(read_s) > 5), "mT", 0.0, 0.05)}
+
+        def __getattr__(self, name: str) -> Any:
+            return lambda *arguments: {}
+
+    supply = CoilSupply(clock)
+    bench = SimpleNamespace(
+        supply=SUPPLIES["scpi"](InProcessTransport(emulate("scpi", supply), clock, "test"), Limits(1.0, 10.0), clock),
+        clock=clock,
+        sensors=(),
+        guardian=None,
+        interruption=None,
+    )
+    for name, replacement in (
+        ("Coil", FollowingCoil),
+        ("Sensing", Probe),
+        ("_opened", lambda rig, on_event: nullcontext(bench)),
+        ("begin_with_output_off", lambda *arguments: None),
+        ("switching_off", lambda *arguments: nullcontext(lambda: None)),
+        ("field_line", lambda sensor, *columns: line(2.0, 0.0)),
+    ):
+        monkeypatch.setattr(coil_calibration, name, replacement)
+    rig: Any = SimpleNamespace(
+        sensors=[SimpleNamespace(name="hall", measures="field")], interlocks=(), simulated=False, name="rig"
+    )
+    began_s = clock.now()
+    found = coil_calibration.calibrate_coil(rig, [0.0, 1.0], lambda event: None)
+    at_first = [read_s[0] + 0.1 * number for number in range(5)]
+    assert read_s == pytest.approx([*at_first, *(second + 10.0 + 0.5 + 0.5 for second in at_first)])
+    assert found.field_mT.tolist() == [0.0, 2.0]
+    ramp, *currents = ramps
+    assert currents == [0.0, 1.0]
+    assert (ramp.rate_A_per_s, ramp.step_A, ramp.tolerance_A, ramp.down_within_s) == (0.5, 0.05, 0.02, 2.0)
 
 
 def test_the_field_at_a_current_is_the_mean_of_its_readings_and_hysteresis_is_the_largest_difference() -> None:
