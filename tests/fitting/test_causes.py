@@ -207,6 +207,23 @@ def test_points_that_are_seen_beyond_the_tip_do_not_decide_between_scale_and_dis
     assert first.like == (second.name,)
 
 
+@pytest.mark.slow
+def test_a_strong_stiffening_is_another_law_and_nothing_else():
+    law, loads = LAWS["yeoh"], Loads.along(FIELDS_MT[:4])
+    model = BeamModel(BEAM, 40, 4)
+    shapes = model.solve(law, np.array([[7e3, 14e3, 14e3]]), loads)
+    sides = points_on(edge_curves(model, shapes)[0], 2)[:, :, 4:-2]
+    noisy = sides + np.random.default_rng(1).normal(0, NOISE_MM, sides.shape)
+    observed = EdgeObservation(noisy, np.full(noisy.shape[:3], NOISE_MM))
+    fit = identify("neo-hookean", [Experiment(BeamModel(BEAM).refined(), loads, observed)])
+    first, *others = fit.causes
+    assert first.name == "law"
+    assert first.value == pytest.approx(14e3 / (2 * 7e3), rel=0.1)
+    assert max(cause.probability for cause in others) < 0.1
+    corrected = fit.initial_shear_modulus.value * (1 + 0.01 * first.shift_percent)
+    assert corrected == pytest.approx(2 * 7e3, rel=0.01)
+
+
 def test_collinear_causes_share_their_probability_and_others_do_not():
     rng = np.random.default_rng(0)
     one, other = 20 * rng.normal(size=(2, 60))

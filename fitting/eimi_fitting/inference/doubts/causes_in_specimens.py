@@ -107,7 +107,7 @@ CAUSES_IN_SPECIMENS: tuple[PossibleCause, ...] = (
         "law",
         "another law",
         "1",
-        (0.1, 0.3),
+        (0.3, 0.3),
         _with_terms,
         "a fit of the other laws, larger fields, or a tensile curve",
         is_common=True,
