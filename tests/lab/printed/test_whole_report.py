@@ -1,7 +1,8 @@
 """Every panel of the report of a small measurement has the accepted sentences, tables and figures.
 
-`whole_report.txt` contains a description of each panel. If the test fails, it prints the lines that differ and the path
-of the new description. Read the differences before you copy the new description over the old one.
+`whole_report.txt` contains a description of each panel, and `notebook_figures.txt` a description of the figures of a
+notebook. If a test fails, it prints the lines that differ and the path of the new description. Read the differences
+before you copy the new description over the old one.
 """
 
 from __future__ import annotations
@@ -12,26 +13,38 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from eimi_fitting.laws import LAWS
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.importing import import_frames
 from eimi_lab.dataset.reading import open_dataset
 from eimi_lab.fits.evidence import Evidence
+from eimi_lab.fits.fit_figures import drawn_errors, drawn_errors_of_several, drawn_law, drawn_residuals
 from eimi_lab.fits.prediction import predict_on_each
 from eimi_lab.fits.records import FitRecord
 from eimi_lab.fits.tensile_record import TensileRecord
 from eimi_lab.reporting.contents import DatasetContents, ReportContents
+from eimi_lab.reporting.frames import load_words
 from eimi_lab.reporting.panel import DatasetPanel, all_panels
 from eimi_lab.reporting.sections import evidence_for_fits
 from tests.lab.printed.described import described, differences
 
-ACCEPTED = Path(__file__).with_name("whole_report.txt")
+ACCEPTED = Path(__file__).parent
+
+
+def check(lines: list[str], name: str, folder: Path) -> None:
+    """Assert that the lines agree with the accepted description `name`; write the new description into the folder."""
+    (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    accepted = (ACCEPTED / name).read_text(encoding="utf-8").splitlines() if (ACCEPTED / name).exists() else []
+    wrong = differences(lines, accepted)
+    assert not wrong, "\n".join([*wrong, f"the new description is {folder / name}"])
 
 
 def photographed(folder: Path) -> Path:
@@ -97,7 +110,35 @@ def test_every_panel_of_a_report_is_as_accepted(
         lines = [line.replace(str(folder), "FOLDER") for line in lines]
     lines = [re.sub(r"\b[0-9a-f]{64}\b", "SHA-256", " ".join(line.split())) for line in lines]
     lines = [line for line in lines if not re.search(r"\.versions| UTC$|\d s$", line)]  # of this computer and hour
-    new = tmp_path / "whole_report.txt"
-    new.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    wrong = differences(lines, ACCEPTED.read_text(encoding="utf-8").splitlines() if ACCEPTED.exists() else [])
-    assert not wrong, "\n".join([*wrong, f"the new description is {new}"])
+    check(lines, "whole_report.txt", tmp_path)
+
+
+def test_the_figures_of_a_notebook_are_as_accepted(tmp_path: Path) -> None:
+    arc = np.array([[[0.0, 2.0, 1.0], [0.0, 1.0, 2.0]], [[0.5, 1.5, 2.5], [0.0, 1.2, 2.2]]])
+    residuals = np.array([[[0.01, 0.03, 0.02], [-0.01, 0.0, 0.01]], [[0.02, 0.0, -0.02], [0.03, 0.01, 0.05]]])
+    yeoh = np.array([50e3, 2e3, 100.0])
+    figures = {
+        "law": drawn_law(LAWS["yeoh"], yeoh, yeoh * np.array([[0.9], [1.0], [1.2]]), 1.4),
+        "law without draws": drawn_law(LAWS["yeoh"], yeoh, np.zeros((0, 3)), 1.4),
+        "errors": drawn_errors([0, 1, 2], [0.0, 2.0, 4.0], [0.01, 0.02, 0.03], [0.02, 0.01, 0.01]),
+        "errors without a field": drawn_errors([3, 5], [1.0, 1.0], [0.01, 0.02], [0.0, 0.0]),
+        "residuals": drawn_residuals(("left", "right"), np.array([1.0, 3.0]), arc, residuals),
+        "residuals without a field": drawn_residuals(("left", "right"), np.zeros(2), arc, residuals),
+        "several": drawn_errors_of_several({"a": ([0, 1], [0.1, 0.2]), "b": ([0, 2], [0.3, 0.1])}),
+    }
+    lines = [" ".join(line.split()) for name, drawing in figures.items() for line in described(drawing, name)]
+    check(lines, "notebook_figures.txt", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field_mT", "force_N", "words"),
+    [
+        (7.0512, 0.0, "7.05 mT"),
+        (0.0, 0.0, "0 mT"),
+        (0.0, 2e-3, "2 mN"),
+        (-1.5, 0.0123456, "-1.5 mT, 12.3 mN"),
+    ],
+)
+def test_the_load_of_a_state_in_words(field_mT: float, force_N: float, words: str) -> None:
+    state: Any = SimpleNamespace(field_mT=field_mT, tip_force_N=force_N)
+    assert load_words(state) == words
