@@ -170,7 +170,7 @@ def _fit(
     edges: Array, section: Section, seed: int, fields: Array = _FIELDS_MT, sigma_mm: float = NOISE_MM, **options: Any
 ) -> Fit:
     noisy = edges + noise_mm(edges.shape, f"question, seed {seed}", sigma_mm)
-    return identify(_LAW, [experiment_of(TRAINED_ON, noisy, fields, section)], seed=seed, **options)
+    return identify(_LAW, [experiment_of(TRAINED_ON, noisy, fields, section)], seed=seed, possible_causes=(), **options)
 
 
 def _sensitivity_mm(experiment: Experiment) -> float:

@@ -66,7 +66,7 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
     Return a dictionary for JSON with the fields of a `Route`, and with the numbers of evaluations and
     generations, the errors and the time (s) of the search.
     """
-    fit = identify(law, [experiment], seed=seed)
+    fit = identify(law, [experiment], seed=seed, possible_causes=())
     return {
         "law": law,
         "values": fit.values.tolist(),

@@ -56,6 +56,10 @@ def test_a_neo_hookean_modulus_is_identified_within_a_per_cent_and_its_interval(
     assert fit.stop
     assert not fit.identifiability.at_bound
     assert fit.evaluations == sum(1 for _ in fit.history) * 8
+    assert fit.causes
+    without_causes = identify("neo-hookean", [neo_hookean], seed=3, possible_causes=())
+    assert without_causes.causes == ()
+    assert without_causes.initial_shear_modulus == fit.initial_shear_modulus
 
 
 def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, monkeypatch: pytest.MonkeyPatch):

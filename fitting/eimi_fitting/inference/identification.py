@@ -31,6 +31,8 @@ from eimi_fitting.inference.doubts.checks import (
     slip_doubts,
 )
 from eimi_fitting.inference.doubts.named_error import estimate_beside
+from eimi_fitting.inference.doubts.possible_causes import PossibleCause
+from eimi_fitting.inference.doubts.table_of_causes import POSSIBLE_CAUSES
 from eimi_fitting.inference.evidence._coarse import coarsened
 from eimi_fitting.inference.evidence.corrections import (
     polished,
@@ -77,6 +79,7 @@ def identify(
     bipop: bool = False,
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
+    possible_causes: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Fit:
     """Identify the parameters of one hyperelastic law from one or several experiments.
 
@@ -103,6 +106,9 @@ def identify(
     seed, population, most_generations, restarts, bipop, replay, progress
         Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
         seed.
+    possible_causes : sequence of PossibleCause
+        The possible errors of the bench that are weighed as causes of the residuals. If it is empty, the fit names no
+        cause, and takes half of the time or less.
 
     Returns
     -------
@@ -173,7 +179,7 @@ def identify(
     refined = refine(problem, result.unit, seed)
     problem, optimum = refined.problem, refined.optimum
     final = optimum.evaluation.comparison
-    weighed = weighed_causes(problem, optimum, refined.effects)
+    weighed = weighed_causes(problem, optimum, refined.effects, possible_causes)
     without_clamp = weighed.error_mm.get("clamp_offset")
     check_explained(final, experiments, without_clamp, bool(problem.curves), bool(optimum.evaluation.beyond[0]))
     due = refinements(experiments)

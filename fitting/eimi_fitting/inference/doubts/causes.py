@@ -185,6 +185,8 @@ def weighed_causes(
         empty if the planar model on the coarse mesh of the search has no equilibrium at the optimum, or if no cause
         changes the residuals.
     """
+    if not possible:
+        return Weighed((), frozenset(), {})
     about = About.of(problem, optimum, possible)
     if not about.solved:
         return Weighed((), frozenset(), {})
