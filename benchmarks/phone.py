@@ -21,9 +21,8 @@ import numpy as np
 
 import eimi_lab as eimi
 from eimi_lab.page import by_weights
-from tests.shared.phone_photographs import bent_bodies, clicks, drawn_scene, measured_sizes, photograph
+from tests.shared.phone_photographs import RULER_MM, bent_bodies, clicks, drawn_scene, measured_sizes, photograph
 
-RULER_MM = 50.0
 LARGEST_ERROR_PERCENT = 5.0
 
 
@@ -133,7 +132,13 @@ def main() -> None:
                 continue
             outcomes.append(result)
             print(f"{seed:5d}  {result.in_words}", flush=True)
+    if not outcomes:
+        raise SystemExit("no scene was fitted")
     errors = np.abs([one.error_percent for one in outcomes])
+    print(
+        f"{len(outcomes)} of {options.scenes} scenes fitted, {options.scenes - len(outcomes)} refused; "
+        "a refused scene counts as not below the limit, and its interval as one that does not hold"
+    )
     print(
         f"errors: median {np.median(errors):.2f} %, largest {errors.max():.2f} %, "
         f"{int((errors < LARGEST_ERROR_PERCENT).sum())} of {options.scenes} below {LARGEST_ERROR_PERCENT:g} %; "

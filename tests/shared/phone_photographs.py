@@ -9,7 +9,7 @@ the clamp is not quite horizontal, and the focal length in the Exif data is roun
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -29,6 +29,7 @@ MESH = (26, 3, 1)  # the mesh of the virtual rig
 GRAMS = (0.0, 0.5, 1.0, 2.0, 3.0)
 DIAGONAL_35MM = 43.2666
 FULL_SIZE = (4032, 3024)
+RULER_MM = 50.0  # distance of the two ticks that a person clicks on the ruler
 BEYOND_MM = 2.0  # the clamp is deeper than the beam by this length on each side
 CLAMP_COLOUR = np.array([52.0, 50.0, 48.0])
 _FINER = 4  # supersampling of the outlines
@@ -108,7 +109,10 @@ class PhoneScene:
 
 
 def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
-    """Choose a scene at random; `share` is the factor by which the photographs (4032 x 3024 px) are scaled."""
+    """Choose a scene at random, in which the ticks that a person clicks are inside the photographs.
+
+    share: the factor by which the photographs (4032 x 3024 px) are scaled.
+    """
     rng = np.random.default_rng([seed, 32])
     length, width, depth = rng.uniform(30, 50), rng.uniform(3.0, 4.5), rng.uniform(4.0, 9.0)
     specimen = Specimen(length, width, depth, rng.uniform(1050.0, 1120.0), "solid")
@@ -119,18 +123,17 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
     angles = np.radians(rng.normal(0.0, [1.0, 1.0, 1.0]))
     turned = cv2.Rodrigues(angles)[0]
     aim = np.array([rng.uniform(0.35, 0.65) * length, rng.uniform(0.1, 0.3) * length, 0.0])
-    camera = aim - turned.T @ np.array([0.0, 0.0, far])
     # A load of 3 g turns the tip of a beam of this modulus by about 45 degrees.
     stiffness = (3 * 9.81e-3 + 0.4 * length * width * depth * 1.08e-6 * 9.81) * length**2 / 2 / 0.9
     modulus = stiffness / (3.0 * depth * width**3 / 12.0) * 1e6 * rng.uniform(0.8, 1.4)
-    return PhoneScene(
+    scene = PhoneScene(
         modulus_Pa=modulus,
         specimen=specimen,
         grams=GRAMS,
         size=size,
         focal_px=focal_px,
         stated_focal_mm=round(equivalent * (1.0 + 0.01 * rng.standard_normal())),
-        camera_mm=camera,
+        camera_mm=aim - turned.T @ np.array([0.0, 0.0, far]),
         turned=np.asarray(turned),
         distortion=0.01 * rng.standard_normal(),
         clamp_deg=0.4 * rng.standard_normal(),
@@ -138,6 +141,16 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
         ruler_z_mm=1.0 * rng.standard_normal(),
         seed=seed,
     )
+    while not _shows_ticks(scene):  # a person moves away from the beam until the picture shows all that is clicked
+        far *= 1.05
+        scene = replace(scene, camera_mm=aim - turned.T @ np.array([0.0, 0.0, far]))
+    return scene
+
+
+def _shows_ticks(scene: PhoneScene) -> bool:
+    """Return whether the two ticks of the ruler that a person clicks are inside the photographs."""
+    ticks = scene.to_px(scene.ruler(np.array([0.0, RULER_MM])))
+    return bool(((ticks >= 0.0) & (ticks <= np.array(scene.size) - 1.0)).all())
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,26 @@
 import { el, svg } from "./dom.js";
 
 const LOUPE_PX = 168, SEEN_PX = 28; // width of the loupe on the screen, and width of the part of the picture in the loupe
+const FINGER_PX = 18; // radius on the screen that a finger can touch
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+// Calls moved(event, start) while `made` is dragged. start is the event with which the drag began.
+// Chromium does not heed touch-action within an SVG. Without preventDefault, it would scroll instead.
+export function draggable(made, moved) {
+  let start = null;
+  made.addEventListener("pointerdown", (event) => { made.setPointerCapture(event.pointerId); start = event; });
+  made.addEventListener("pointermove", (event) => { if (made.hasPointerCapture(event.pointerId)) moved(event, start); });
+  made.addEventListener("touchstart", (event) => {
+    if (event.touches.length > 1) return;
+    event.preventDefault();
+    made.focus({ preventScroll: true });
+  }, { passive: false });
+}
 
 export class Clicks {
   // names() returns the name of each point in the order of the clicks; further clicks are ignored. changed() is called after a point was set, moved or removed.
   constructor(picture, names, changed) {
-    Object.assign(this, { picture, names, changed, points: [], size: null, cursor: null });
+    Object.assign(this, { picture, names, changed, points: [], undone: [], size: null, cursor: null });
     this.marks = svg("g");
     this.cross = svg("path", { class: "cross", "aria-hidden": "true" });
     picture.over.append(this.marks, this.cross);
@@ -15,7 +29,7 @@ export class Clicks {
     const { figure } = picture;
     figure.append(this.loupe);
     figure.classList.add("clickable");
-    for (const [key, value] of Object.entries({ tabindex: 0, role: "application", "aria-label": "picture: arrow keys move the cross, with Shift by one pixel; Enter sets a point, Backspace removes the last point" })) figure.setAttribute(key, value);
+    for (const [key, value] of Object.entries({ tabindex: 0, role: "application", "aria-label": "picture: arrow keys move the cross, with Shift by one pixel; Enter sets a point, Backspace removes the last point, Ctrl+Y sets it again" })) figure.setAttribute(key, value);
     figure.addEventListener("pointermove", (event) => { if (event.pointerType === "mouse" && !event.target.closest(".mark, .handle")) this.look(this.placeOf(event)); });
     figure.addEventListener("pointerleave", () => this.look(null));
     figure.addEventListener("click", (event) => { if (this.size && !event.target.closest(".mark, .handle")) this.add(this.placeOf(event)); });
@@ -25,15 +39,18 @@ export class Clicks {
   // size: width and height of the picture, px; null without a picture.
   begin(size, points = []) {
     this.size = size;
+    if (points !== this.points) this.undone = [];
     this.points = points;
     this.cursor = null;
     this.draw();
   }
 
   placeOf(event) {
-    const box = this.picture.over.getBoundingClientRect(), [wide, high] = this.size ?? [1, 1];
-    return this.inside([(event.clientX - box.left) / box.width * wide - 0.5, (event.clientY - box.top) / box.height * high - 0.5]);
+    const box = this.picture.over.getBoundingClientRect(), { pxPerScreenPx: scale } = this;
+    return this.inside([(event.clientX - box.left) * scale - 0.5, (event.clientY - box.top) * scale - 0.5]);
   }
+
+  get pxPerScreenPx() { return (this.size ?? [1])[0] / this.picture.over.getBoundingClientRect().width; }
 
   inside([x, y]) {
     const [wide, high] = this.size;
@@ -43,17 +60,25 @@ export class Clicks {
   add(place) {
     if (this.points.length >= this.names().length) return;
     this.points.push(place);
+    this.undone = [];
     this.draw();
     this.changed();
   }
 
-  undo() {
-    if (!this.points.pop()) return;
+  undo() { this.transfer(this.points, this.undone); }
+
+  // Sets the point again that was removed last, also after clear().
+  redo() { this.transfer(this.undone, this.points); }
+
+  transfer(from, to) {
+    if (!from.length) return;
+    to.push(from.pop());
     this.draw();
     this.changed();
   }
 
   clear() {
+    this.undone.push(...this.points.reverse());
     this.points = [];
     this.draw();
     this.changed();
@@ -68,6 +93,7 @@ export class Clicks {
       this.drawCross();
       this.look(this.cursor);
     } else if (event.key === "Enter" && this.cursor) this.add(this.cursor);
+    else if (event.ctrlKey && (event.key === "y" || event.key === "Z")) this.redo();
     else if (event.key === "Backspace" || (event.key === "z" && event.ctrlKey)) this.undo();
     else return;
     event.preventDefault();
@@ -89,10 +115,13 @@ export class Clicks {
 
   mark(index) {
     const made = svg("g", { class: "mark", tabindex: 0, role: "button", "aria-label": `${this.names()[index]}: drag, or arrow keys` },
-      svg("circle", { class: "area" }), svg("circle", { class: "dot" }), svg("text", {}, String(index + 1)));
-    made.firstChild.nextSibling.setAttribute("r", 1);
-    made.addEventListener("pointerdown", (event) => made.setPointerCapture(event.pointerId));
-    made.addEventListener("pointermove", (event) => { if (made.hasPointerCapture(event.pointerId)) this.move(index, this.placeOf(event)); });
+      svg("circle", { class: "grip" }), svg("circle", { class: "area" }), svg("circle", { class: "dot", r: 1 }), svg("text", {}, String(index + 1)));
+    let from = null; // the point and the event at the start of the drag: the point keeps its distance from the finger
+    draggable(made, (event, start) => {
+      if (from?.start !== start) from = { start, point: this.points[index] };
+      const { pxPerScreenPx: scale } = this, [x, y] = from.point;
+      this.move(index, [x + (event.clientX - start.clientX) * scale, y + (event.clientY - start.clientY) * scale]);
+    });
     made.addEventListener("keydown", (event) => {
       const way = WAYS[event.key];
       if (!way) return;
@@ -106,7 +135,9 @@ export class Clicks {
   place(mark, index) {
     const radius = 0.011 * this.size[0] + 3, [x, y] = this.points[index];
     mark.setAttribute("transform", `translate(${x} ${y})`);
-    mark.firstChild.setAttribute("r", radius);
+    const [grip, area] = mark.children;
+    grip.setAttribute("r", matchMedia("(pointer: coarse)").matches ? Math.max(radius, FINGER_PX * this.pxPerScreenPx) : radius);
+    area.setAttribute("r", radius);
     mark.lastChild.setAttribute("font-size", 1.3 * radius);
     mark.lastChild.setAttribute("x", 1.7 * radius);
     mark.lastChild.setAttribute("y", -1.2 * radius);

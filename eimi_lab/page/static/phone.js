@@ -119,6 +119,7 @@ function next() {
     : count < all.length ? `Click ${count + 1} of ${all.length}: ${all[count]}.`
     : "All points are set. Drag a point to correct its position. If the edges are wrong, click up to five more points along the beam, from the clamp to the tip.";
   byId("phone-undo").disabled = byId("phone-clear").disabled = !count;
+  byId("phone-redo").disabled = !clicks.undone.length;
 }
 
 function changed() { next(); later(); }
@@ -199,8 +200,9 @@ byId("phone").addEventListener("dragover", (event) => { event.preventDefault(); 
 byId("phone").addEventListener("dragleave", () => byId("phone-drop").classList.remove("over"));
 byId("phone").addEventListener("drop", tried((event) => { byId("phone-drop").classList.remove("over"); return receive([...event.dataTransfer.files]); }));
 byId("phone-undo").addEventListener("click", () => clicks.undo());
+byId("phone-redo").addEventListener("click", () => clicks.redo());
 byId("phone-clear").addEventListener("click", () => clicks.clear());
-for (const id of ["phone-plumb", "phone-leaves"]) byId(id).addEventListener("change", () => { const two = edge(); if (two !== (byId("phone").dataset.edge === "1")) clicks.clear(); byId("phone").dataset.edge = two ? "1" : ""; changed(); });
+for (const id of ["phone-plumb", "phone-leaves"]) byId(id).addEventListener("change", () => { const two = edge(); if (two !== (byId("phone").dataset.edge === "1")) clicks.begin(clicks.size); byId("phone").dataset.edge = two ? "1" : ""; changed(); });
 byId("phone-form").addEventListener("input", ({ target }) => { if (target.dataset.key && !target.closest("#phone-list")) later(); });
 byId("phone-form").addEventListener("submit", tried(saveAndFit));
 byId("phone-states").addEventListener("click", tried(async () => { location.hash = "#runs"; await openRun(saved.dataset); }));

@@ -1,5 +1,5 @@
 // The view "Pictures": pictures taken without instruments. A person drags clamp, axis and ruler into place; the edges are found again at once.
-import { Clicks } from "./clicks.js";
+import { Clicks, draggable } from "./clicks.js";
 import { ask, askPicture, byId, el, flagList, number, post, svg, tell } from "./dom.js";
 import { steer } from "./live.js";
 import { Picture } from "./picture.js";
@@ -116,8 +116,7 @@ function drawHandles() {
   if (!handles.childElementCount) handles.append(...HANDLES.map((handle) => {
     const made = svg("g", { class: "handle", tabindex: 0, role: "button", "aria-label": `${handle.name}: drag, or arrow keys` },
       svg("circle", { class: "area" }), svg("text", {}, handle.sign));
-    made.addEventListener("pointerdown", (event) => made.setPointerCapture(event.pointerId));
-    made.addEventListener("pointermove", (event) => { if (made.hasPointerCapture(event.pointerId)) move(handle, placeOf(event)); });
+    draggable(made, (event) => move(handle, placeOf(event)));
     made.addEventListener("keydown", (event) => {
       const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
       if (!way) return;

@@ -30,6 +30,7 @@ CLICK_PX = 1.0  # assumed: smallest uncertainty of a click
 STAND_OFF_SHARE = 0.05  # assumed, of a distance that was measured with a ruler
 LARGEST_STAND_OFF_SIGMA_MM = 100.0
 REACH = 1.25  # the beam is searched for within this multiple of its length from the clamp
+_RISES_SIGMAS = 3.0  # the tip is above the clamp beyond this multiple of the standard uncertainty
 _SLACK = 1.1  # the tip may be this factor times the stated length away from the clamp
 
 Points = Annotated[tuple[Pair, ...], Field(strict=False)]
@@ -116,6 +117,7 @@ def measure_bench(
             f"the tip is {chord_mm:.3g} mm from the clamp by the ruler, but length_mm = {length_mm:g}: click the tip "
             "or the ticks again, or correct the length or the distance of the ticks"
         )
+    _check_order(clicked, gravity_deg, gravity_sigma, click_px)
     stand_off_mm, stand_off_share, stand_off_words = _stand_off(clicked, scale, lens)
     if stand_off_mm < 2.0 * depth_mm:
         raise InputError(
@@ -251,6 +253,31 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
         return _nearer(gravity_deg - 90.0, to_tip_deg), LEVEL_DEG, f"the beam leaves its clamp level {assumed}"
     axis_deg = gravity_deg if clicked.leaves == "downward" else gravity_deg - 180.0
     return axis_deg, LEVEL_DEG, f"the beam leaves its clamp {clicked.leaves} {assumed}"
+
+
+def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float, click_px: float) -> None:
+    """Raise InputError if the tip of a beam that leaves its clamp level is above the clamp in the picture.
+
+    Gravity bends such a beam down. The tip is above the clamp if a person clicked the tip before the clamp.
+
+    Parameters
+    ----------
+    gravity_deg, gravity_sigma : float
+        The direction of gravity in the picture, and its standard uncertainty, degrees.
+    click_px : float
+        The standard uncertainty of a click, px.
+    """
+    if clicked.leaves != "level":
+        return
+    ends = (_middle(clicked), clicked.tip_px)
+    rise_deg = -math.degrees(math.asin(math.cos(math.radians(_direction_deg(ends) - gravity_deg))))
+    sigma = math.hypot(LEVEL_DEG, gravity_sigma, _from_clicks_deg(ends, click_px))
+    if rise_deg > _RISES_SIGMAS * sigma:
+        raise InputError(
+            f"the clicked tip is above the clamp: the line between them rises by {rise_deg:.1f} degrees, but a beam "
+            "that leaves its clamp level bends down. Click the clamp first and then the tip, or choose how the beam "
+            "leaves its clamp"
+        )
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:

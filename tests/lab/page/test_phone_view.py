@@ -14,11 +14,10 @@ import pytest
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.reading import open_dataset
-from tests.shared.phone_photographs import bent_bodies, clicks, drawn_scene, measured_sizes, photograph
+from tests.shared.phone_photographs import RULER_MM, bent_bodies, clicks, drawn_scene, measured_sizes, photograph
 
 GRAMS = (0.0, 1.0, 3.0)
 SHARE = 0.3  # share of 4032 x 3024 px
-RULER_MM = 50.0
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +58,9 @@ class Phone:
         x, y = ((at + 0.5) / extent for at, extent in zip(place, self.size, strict=True))
         self.page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
         marks.nth(before).wait_for(state="attached")
-        placed = re.findall(r"[-\d.]+", marks.nth(before).get_attribute("transform"))
+        placed = position(marks.nth(before))
         for key, off in zip(("Arrow{}Right Arrow{}Left", "Arrow{}Down Arrow{}Up"), (0, 1), strict=True):
-            more = round(place[off] - float(placed[off]))
+            more = round(place[off] - placed[off])
             for _ in range(abs(more)):
                 marks.nth(before).press(key.replace("{}", "").split()[more < 0])
 
@@ -135,10 +134,13 @@ def check_files(folder: Path, scene: Any) -> None:
         assert [round(state.tip_force_N / 9.80665e-3, 6) for state in dataset.states] == list(GRAMS)
 
 
-def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
-    served: Any, tab: Any, photographs: list[Path]
+def test_points_can_be_set_and_moved_on_the_screen_of_a_phone(
+    served: Any, tab: Any, scene: Any, photographs: list[Path]
 ) -> None:
-    """Arrow keys move a cross, Enter sets a point and Backspace removes it, on a page as wide as a phone's screen."""
+    """On a page as wide as a phone's screen, keys set, remove and restore points, and a finger drags a point.
+
+    Arrow keys move a cross, Enter sets a point, Backspace removes the last point, and Ctrl+Y sets it again.
+    """
     page = tab(f"{served.address}#phone")
     page.set_viewport_size({"width": 390, "height": 844})
     (served.folder / "hand").mkdir(exist_ok=True)
@@ -154,8 +156,37 @@ def test_points_can_be_set_with_the_keyboard_on_the_screen_of_a_phone(
     page.get_by_text("Click 3 of 4").wait_for()
     page.keyboard.press("Backspace")
     page.get_by_text("Click 2 of 4").wait_for()
-    assert page.locator("#phone-picture .mark").count() == 1
+    marks = page.locator("#phone-picture .mark")
+    assert marks.count() == 1
     assert page.locator("html").evaluate("root => root.scrollWidth") <= 390
+    page.get_by_role("button", name="Remove all points").click()
+    page.get_by_text("Click 1 of 4").wait_for()
+    page.get_by_role("button", name="Redo").click()
+    page.get_by_text("Click 2 of 4").wait_for()
+    figure.focus()
+    page.keyboard.press("Control+y")
+    page.get_by_text("Click 3 of 4").wait_for()
+    assert page.get_by_role("button", name="Redo").is_disabled()
+    touched = page.context.new_cdp_session(page)
+    touched.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    figure.scroll_into_view_if_needed()
+    before, box = position(marks.last), figure.bounding_box()
+    at = [(before[axis] + 0.5) / scene.size[0] * box["width"] + box["xy"[axis]] for axis in (0, 1)]
+    for moved in range(0, 50, 10):
+        kind = "touchMove" if moved else "touchStart"
+        place = {"x": at[0] + moved, "y": at[1] + moved}
+        touched.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [place]})
+    loupe = page.locator("#phone-picture .loupe")
+    loupe.wait_for(state="visible")
+    touched.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    loupe.wait_for(state="hidden")
+    off = np.subtract(position(marks.last), before) / scene.size[0] * box["width"]
+    assert off == pytest.approx([40.0, 40.0], abs=1.0)  # the drag has moved the point instead of the page
+
+
+def position(mark: Any) -> list[float]:
+    """Return x and y of a mark in px of the photograph."""
+    return [float(number) for number in re.findall(r"[-\d.]+", mark.get_attribute("transform"))]
 
 
 def test_the_loupe_is_small_and_lies_beside_the_point(served: Any, phone: Phone, photographs: list[Path]) -> None:
@@ -215,6 +246,7 @@ def test_a_file_that_is_not_a_photograph_is_refused_and_not_stored(
         ({"ruler_px": [[100.0, 100.0], [110.0, 100.0]]}, "the two ticks of the ruler are 10 px apart"),
         ({"ruler_px": [[100.0, 100.0], [300.0, 300.0]]}, "neither level nor plumb"),
         ({"clamp_px": [[-5.0, 300.0]]}, "should lie in the picture"),
+        ({"clamp_px": [[600.0, 320.0]], "tip_px": [400.0, 300.0]}, "Click the clamp first and then the tip"),
         ({"leaves": "clamp"}, "click both ends of the clamp's edge"),
         ({"ruler_mm": "five"}, "ruler_mm = 'five' should be a number"),
         ({"ruler_mm": ""}, "ruler_mm is missing"),
