@@ -186,6 +186,44 @@ def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
     assert len(message) == 1
 
 
+@pytest.mark.parametrize("fault", [None, Fault.OFFSET, Fault.REENUMERATE])
+def test_a_session_looks_every_twentieth_of_a_second_until_its_supply_has_left(
+    session: tuple[EmulatedSession, CoilSupply, list[str]], monkeypatch: pytest.MonkeyPatch, fault: Fault | None
+) -> None:
+    """Only a supply that gets another address leaves; with any other fault, the supply is served further."""
+    served, coil, messages = session
+    coil.set_voltage(12.0)
+    coil.set_current(0.5)
+    coil.switch(True)
+    looked_s: list[float] = []
+    watched: list[float] = []
+
+    def look() -> None:
+        looked_s.append(coil.clock.now())
+        if len(looked_s) == 70:  # the fault begins at look 61
+            line = SimpleNamespace(lost=True, instrument=served._line.instrument)
+            monkeypatch.setattr(served, "_line", line)
+        if len(looked_s) == 80:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(served, "_fault", fault)
+    monkeypatch.setattr(served, "_after_s", 2.98)
+    monkeypatch.setattr(served, "_look", look)
+    monkeypatch.setattr(served._line.instrument, "watch", lambda: watched.append(coil.clock.now()), raising=False)
+    if fault is Fault.REENUMERATE:
+        served._watch()
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            served._watch()
+    expected = [0.05 * number for number in range(70 if fault is Fault.REENUMERATE else 80)]
+    assert looked_s == pytest.approx(expected)
+    assert watched == pytest.approx(expected)
+    begins = [message for message in messages if "begins" in message]
+    assert begins == ([f"# 3.00 s: the fault {fault.word} begins: {fault.effect}"] if fault else [])
+    reports = [message for message in messages if "in the coil" in message]
+    assert (len(reports) > 0) is (fault is not None)
+
+
 def test_the_true_current_is_reported_when_it_changes(
     session: tuple[EmulatedSession, CoilSupply, list[str]],
 ) -> None:
