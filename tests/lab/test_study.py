@@ -10,12 +10,16 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
 from eimi_fitting.laws import engineering_stress
 from eimi_lab.process.errors import InputError
+from eimi_lab.showing.drawing import STYLE
+from eimi_lab.study import figures
 from eimi_lab.study.claims import verdicts
 from eimi_lab.study.extent import LAWS_STUDIED, Extent
 from eimi_lab.study.hidden_materials import MATERIALS
@@ -25,6 +29,7 @@ from eimi_lab.study.pages import write_pages
 from eimi_lab.study.routes import published_curves
 from eimi_lab.study.stored_parts import StoredParts
 from eimi_lab.study.whole_study import StudyInputs, compute_all, steps
+from tests.lab.printed.described import described, differences
 from tests.patience import PATIENCE_S
 
 SHORT = Extent(
@@ -92,6 +97,23 @@ def test_the_page_shows_all_tables_and_figures(short):
     rows = (folder / "parameters_ecoflex_00_50.csv").read_text().splitlines()
     assert len(rows) == 1 + 2 * 2  # the tables of two sections, with one law by bending and one law by tension
     assert "nan" not in page
+
+
+def test_the_figures_of_a_study_are_as_accepted(short, tmp_path):
+    """`printed/study_figures.txt` describes the figures; read the differences before you copy a new description."""
+    _, _, findings = short
+    with matplotlib.rc_context(STYLE):
+        drawn = {
+            "stress": figures._stress_strain(findings),
+            "boxes": figures._boxes(findings),
+            "overlays": figures._overlays(findings),
+            "by field": figures._by_field(findings),
+        }
+        lines = [" ".join(line.split()) for name, drawing in drawn.items() for line in described(drawing, name)]
+    (tmp_path / "study_figures.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    accepted = (Path(__file__).parent / "printed" / "study_figures.txt").read_text(encoding="utf-8").splitlines()
+    wrong = differences(lines, accepted, relative=0.05, absolute=0.01)
+    assert not wrong, "\n".join([*wrong, f"the new description is {tmp_path / 'study_figures.txt'}"])
 
 
 @pytest.mark.parametrize("key", MATERIALS)
