@@ -372,8 +372,7 @@ def main() -> int:
             print(
                 f"{mutant.number:4d} {mutant.room:12s} {outcome:8s} {where}{mutant.says} ({seconds:.0f} s)", flush=True
             )
-            if outcome != CAUGHT:
-                print(f"     {line} [{mutant.key}]", flush=True)
+            print(f"     {line} [{mutant.key}]", flush=True)
             if options.results:
                 options.results.write_text(json.dumps(earlier, indent=1))
     print("\n".join((sample_table if options.sample else table)(chosen, outcomes)))

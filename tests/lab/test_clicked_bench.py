@@ -137,8 +137,8 @@ def test_clicks_that_contradict_each_other_are_refused(changes: dict[str, Any], 
     [
         {"tip_px": [2840, 1400]},  # 46.0 mm of the length of 42 mm
         {"stand_off_mm": 12.1},
-        {"ruler_px": [[1000, 600], [2000, 960]], "ruler_mm": 25.0},  # turned by 19.8 degrees
-        {"clamp_px": [[3999.5, 2999.5]], "tip_px": [3500, 2900]},
+        {"ruler_px": [[1000, 600], [2000, 960]], "ruler_mm": 25.0, "tip_px": [2300, 2300]},  # turned by 19.8 degrees
+        {"clamp_px": [[3999.5, 2999.5]], "tip_px": [3500, 2900], "leaves": "upward"},
         {"clamp_px": [[-0.5, -0.5]], "tip_px": [300, 300]},
     ],
 )
