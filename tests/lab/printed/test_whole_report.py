@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 import pytest
 
+from eimi_fitting.inference.doubts.causes import Cause
 from eimi_fitting.laws import LAWS
 from eimi_lab.config.calibration import load_calibration
 from eimi_lab.config.specimen import load_specimen
@@ -90,7 +91,12 @@ def test_every_panel_of_a_report_is_as_accepted(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fits.json").write_text("{}")
     paths = [photographed(tmp_path), evidence.path]
-    bending = shown(fit, choices)
+    causes = (
+        Cause("camera_roll", 0.83, 1.7, "deg", -2.3, "a plumb line"),
+        Cause("none", 0.12, 0.0, "1", 0.0, ""),
+    )
+    history = tuple(replace(one, best_mm=0.5 / k, mean_mm=1.0 / k) for k, one in enumerate(fit.history[:6], 1))
+    bending = shown(replace(fit, causes=causes, history=history), choices)
     stretched = replace(shown(tensile), origin="tensile 50 %")
     fits = (bending, stretched)
     evidences, on = zip(*(evidence_for_fits(path, fits, flagged=True) for path in paths), strict=True)
