@@ -185,11 +185,13 @@ def tensile(
 
 def export(
     fits: Annotated[Path, typer.Argument(help="fits.json with fits of datasets or of a tensile test")],
-    model: Annotated[
-        str, typer.Option(metavar="LAW", help="law of the card: neo-hookean, mooney-rivlin, yeoh or ogden")
-    ],
+    model: Annotated[str, typer.Option(metavar="LAW", help="law to export: neo-hookean, mooney-rivlin, yeoh or ogden")],
     to: Annotated[
-        str, typer.Option(metavar="abaqus|calculix|ansys|comsol|febio|sofa", help="program that reads the card")
+        str,
+        typer.Option(
+            metavar="abaqus|calculix|ansys|comsol|febio|sofa",
+            help="finite-element program that reads the material card",
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -198,13 +200,13 @@ def export(
     index: FitIndex = None,
     bulk_modulus_kPa: Annotated[
         float | None,
-        typer.Option("--bulk-modulus-kPa", help="bulk modulus for the card, in kPa; it is never taken from a fit"),
+        typer.Option("--bulk-modulus-kPa", help="bulk modulus to export, in kPa; it is never taken from a fit"),
     ] = None,
     bulk_ratio: Annotated[
         float | None,
         typer.Option(
             "--bulk-ratio",
-            help="ratio of bulk modulus to initial shear modulus in the card; give it instead of --bulk-modulus-kPa",
+            help="ratio of the exported bulk modulus to the initial shear modulus, instead of --bulk-modulus-kPa",
         ),
     ] = None,
     force: Force = False,

@@ -392,7 +392,7 @@ def export(
     index : int
         Number of the fit, from 0, if several fits have this law.
     bulk_modulus_kPa : float
-        Bulk modulus in the card, kPa. It is never taken from a fit.
+        Bulk modulus in the material card, kPa. It is never taken from a fit.
     bulk_ratio : float
         Ratio of bulk modulus to initial shear modulus in the card. Give either ``bulk_modulus_kPa`` or ``bulk_ratio``.
     output : str or Path
