@@ -342,7 +342,7 @@ class Coil:
         Raises
         ------
         InstrumentError
-            If the current is not reached within a few seconds, or if the supply does not accept the set-point.
+            If the current is not reached within a few seconds, or if the supply fails.
         """
         with self._stepping:
             self._set(current_A)

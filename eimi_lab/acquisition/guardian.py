@@ -64,8 +64,8 @@ class Ward:
 
     `recognised` matters only for a supply without a serial number, which another supply of the same type could replace.
     If `recognised` is false, the guardian takes a supply for the supply of the coil only if its output is on or a
-    current flows. If it is true, the guardian accepts the supply also with its output off. The run sets it after it has
-    switched the output off but still measures a current.
+    current flows. If it is true, the guardian accepts the supply also with its output off. The run sets `recognised` if
+    it has switched the output off but still measures a current.
     """
 
     driver: str

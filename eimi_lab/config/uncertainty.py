@@ -25,9 +25,10 @@ Table = dict[str, float]
 
 
 def keys_of(file: File) -> dict[str, str]:
-    """Return the permitted keys of the table [uncertainty] in one kind of TOML file, each with a quantity's name.
+    """Return the permitted keys of the table [uncertainty] in one kind of TOML file.
 
-    The name is the name of the uncertain quantity in a fit. ``file`` is "specimen", "calibration" or "rig".
+    The value of each key is the name that a fit uses for the uncertain quantity. ``file`` is "specimen", "calibration"
+    or "rig".
     """
     return {source.key: name for name, source in SOURCES.items() if source.stated_in == file}
 

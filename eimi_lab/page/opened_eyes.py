@@ -60,7 +60,7 @@ class OpenedEyes:
     async def see(self) -> None:
         """Pass the results of both processes, which are frames and edges, to the function `seen` of this object.
 
-        The method returns when both processes have ended. The process for the frames ends first, at the end of the run.
+        The method returns when both processes have ended. The process for the frames ends first, after the last frame.
         The method then asks the process for the edges to end.
         """
         frames, edges = self._processes

@@ -16,7 +16,7 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """Do nothing with a text. This function takes the place of a function that shows the progress of a work."""
+    """Do nothing with a text. This function takes the place of a function that shows the progress of long work."""
 
 
 @contextmanager

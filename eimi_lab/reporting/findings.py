@@ -201,7 +201,7 @@ def _on_unseen_specimens(
 
 
 def _next(fit: FitRecord) -> Verdict:
-    """Return the answer to the question what to measure better next, with the interval of the modulus after that.
+    """Return the answer to the question what to measure better next, with the interval that this would give.
 
     If the files give no uncertainty of any input, the answer is "not known".
     """
