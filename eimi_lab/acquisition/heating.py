@@ -113,7 +113,7 @@ class Warming:
         self._since_s: float | None = None
 
     def flows(self, now_s: float, current_A: float) -> None:
-        """Record that a current (A) flows in the coil from the time `now_s` (s, on any monotonic clock) on."""
+        """Record the current (A) that now begins to flow; `now_s` (s) is the present time on a monotonic clock."""
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:

@@ -120,7 +120,7 @@ class SupplyLimits(Table):
 
 
 class Settle(Table):
-    """The criterion by which the program decides that the beam is at rest, see `eimi_lab.acquisition.settling`."""
+    """The criterion by which the program decides from consecutive frames that the beam is at rest."""
 
     noise_ratio: float = Field(gt=1)
     """Limit of the mean squared difference between two frames, divided by the value that camera noise alone causes. For
