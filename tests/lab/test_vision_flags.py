@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from eimi_lab.vision.check import Check, Flag, Severity, leaves_out
 from eimi_lab.vision.edges.dimensions import stiffening_by_twist
 from eimi_lab.vision.edges.finding import find_edges
 from eimi_lab.vision.flags import CHECKS, judge
-from eimi_lab.vision.frame_checks import state_flags
+from eimi_lab.vision.frame_checks import frame_flags, state_flags
 from tests.shared.flag_pictures import BEAM, CASES, Case, photograph, table, twisted
 from tests.shared.rendered_edges import CALIBRATION, NOMINAL, SPECIMEN, bend, make_bent_scene
 
@@ -149,6 +150,48 @@ def test_lost_repeated_and_moving_frames_are_flagged():
     creeping = [replace(frame, image=_shifted(frame.image, 0.15 * k)) for k, frame in enumerate(frames)]
     assert names(creeping) == {"NOT_SETTLED"}
     assert state_flags(creeping, lossless=False) == ()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "values"),
+    [
+        ((5, 6, 7), {}),
+        ((5, 6, 8, 12), {"DROPPED": 1 + 3}),
+        ((1, 1, 2), {"DUPLICATE": 1}),
+        ((3, 2, 1, 4), {"DUPLICATE": 2, "DROPPED": 2}),
+    ],
+)
+def test_missing_and_repeated_frames_are_counted(numbers, values):
+    frames = [Frame(np.full((2, 2), k, np.uint8), number, 0.0) for k, number in enumerate(numbers)]
+    flags = frame_flags(frames, SimpleNamespace(exceeds_rounding=True))
+    assert {flag.name: flag.value for flag in flags} == values
+
+
+def test_equal_pixels_are_a_repeated_frame_only_if_the_camera_has_noise():
+    frames = [Frame(np.zeros((2, 2), np.uint8), number, 0.0) for number in range(3)]
+    assert frame_flags(frames, SimpleNamespace(exceeds_rounding=False)) == ()
+    (flag,) = frame_flags(frames, SimpleNamespace(exceeds_rounding=True))
+    assert (flag.name, flag.value) == ("DUPLICATE", 2)
+
+
+def test_frames_whose_numbers_differ_by_two_are_consecutive_and_motion_shows_in_any_channel():
+    scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, BEAM)
+    rng = np.random.default_rng(0)
+    images = [expose(scene, rng) for _ in range(4)]
+
+    def values(numbers, shown):
+        frames = [Frame(image, number, 0.0) for image, number in zip(shown, numbers, strict=True)]
+        return {flag.name: flag.value for flag in state_flags(frames, lossless=True)}
+
+    assert values((10, 12, 14, 16), images) == {}
+    assert values((10, 12, 14, 18), images) == {"DROPPED": 1}
+    flat = [np.full_like(image, 90) + (image % 3) for image in images]
+    moved = [*images[:3], np.roll(images[3], 1, axis=1)]
+    for channel in range(3):
+        colours = [[still] * 3 for still in flat]
+        for colour, image in zip(colours, moved, strict=True):
+            colour[channel] = image
+        assert set(values(range(4), [np.dstack(colour) for colour in colours])) == {"NOT_SETTLED"}
 
 
 def _shifted(image, by_px):
