@@ -10,18 +10,15 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
-from eimi_fitting.inference.corrected_optimum import refine
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, PointObservation, edge_curves, points_on
-from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
-from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns
-from eimi_fitting.inference.fit import Fit
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior
 from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.inference.planning.choice_of_law import Candidate, choose
 from eimi_fitting.laws import LAWS
-from eimi_fitting.laws.search_space import search_space
+from tests.shared.estimates import refined
 
 TRUTH_PA = 46e3
 NOISE_MM = 2e-3
@@ -61,8 +58,14 @@ def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float
     return Experiment(BeamModel(beam), LOADS, observed, stated=stated_sources)
 
 
-def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Fit:
-    return identify("neo-hookean", experiments, free=free)
+def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
+    """Return the estimate of a neo-Hookean fit."""
+    return estimated("neo-hookean", *experiments, free=free)
+
+
+def estimated(law: str, *seen_so: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
+    """Return the estimate of a fit of several experiments, which starts at a modulus 10 % too large, without search."""
+    return refined(law, seen_so, 1.1 * TRUTH_PA, free=free).estimate
 
 
 def holds(interval: tuple[float, float] | None, value: float) -> bool:
@@ -70,7 +73,7 @@ def holds(interval: tuple[float, float] | None, value: float) -> bool:
     return interval[0] <= value <= interval[1]
 
 
-def half_width(fit: Fit) -> float:
+def half_width(fit: Estimate) -> float:
     low, high = fit.initial_shear_modulus.interval_95
     return 0.5 * (high - low)
 
@@ -79,14 +82,17 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 
 @pytest.fixture(scope="module")
-def thicker() -> Fit:
-    """The fit of a beam whose width differs from the width in its file by 1.5 standard uncertainties."""
-    return fitted(experiment(noisy_edges(THICKER), width=0.02))
+def thicker() -> Estimate:
+    """The estimate of a beam whose width differs from the width in its file by 1.5 standard uncertainties.
+
+    It is the estimate of a whole fit. The other estimates in this file start near the optimum.
+    """
+    return identify("neo-hookean", [experiment(noisy_edges(THICKER), width=0.02)])
 
 
 @pytest.fixture(scope="module")
-def magnetic() -> Fit:
-    """The fit of a beam whose file gives the true values, and an uncertainty of 2 per cent for the magnetic moment."""
+def magnetic() -> Estimate:
+    """The estimate of a beam whose file gives true values, and an uncertainty of 2 % for the magnetic moment."""
     return fitted(experiment(noisy_edges(), remanence=0.02))
 
 
@@ -195,14 +201,6 @@ def test_intervals_are_the_quantiles_of_the_draws(magnetic):
     assert np.std(remanence) == pytest.approx(0.02, rel=0.1)
     # A magnet stronger than in the file needs a stiffer beam for the same edges.
     assert np.corrcoef(drawn, remanence)[0, 1] > 0.99
-
-
-def estimated(law: str, *seen_so: Experiment) -> Estimate:
-    """Return the estimate of a fit of several experiments, which starts at a modulus 10 % too large, without search."""
-    space = search_space(LAWS[law])
-    unit = np.full(len(space.names), 0.5)
-    unit[0] = np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
-    return refine(Problem(LAWS[law], Unknowns(space), seen_so), unit, 1).estimate
 
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])

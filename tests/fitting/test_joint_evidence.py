@@ -23,6 +23,7 @@ from eimi_fitting.inference.identification import identify
 from eimi_fitting.inference.searching.named_causes import NamedCause
 from eimi_fitting.laws import LAWS
 from eimi_fitting.laws.tensile import engineering_stress
+from tests.shared.estimates import refined
 
 SPECIMEN = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0))
 NOISE_MM = 3e-3
@@ -71,7 +72,7 @@ def test_a_tensile_curve_separates_c10_from_c01():
     strain = np.linspace(0.02, 0.6, 30)
     stress = engineering_stress(LAWS["mooney-rivlin"], np.array([truth]), strain)[0]
     curve = TensileCurve(strain, stress + np.random.default_rng(2).normal(0, 200, 30))
-    without = identify("mooney-rivlin", [bent], seed=1)
+    without = refined("mooney-rivlin", [bent], 46e3).estimate
     with_curve = identify("mooney-rivlin", [bent], seed=1, tensile=[curve])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
     assert "determine only 2(C10+C01)" in without.identifiability.statement
@@ -87,7 +88,7 @@ def test_a_tensile_curve_separates_c10_from_c01():
 def test_an_unknown_moment_widens_the_modulus_by_its_prior():
     # Without gravity, the data determine only the ratio of modulus and magnetic moment.
     bent = edges_of("neo-hookean", [46e3], gravity=None)
-    fixed = identify("neo-hookean", [bent], seed=1)
+    fixed = refined("neo-hookean", [bent], 50e3).estimate
     freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.02)])
     assert relative_width(fixed) < 2e-3
     assert relative_width(freed) == pytest.approx(1.96 * 0.02, rel=0.15)
@@ -101,8 +102,8 @@ def test_an_unknown_moment_widens_the_modulus_by_its_prior():
 
 def test_with_gravity_the_data_determine_the_magnetic_moment():
     bent = edges_of("neo-hookean", [46e3], field_factor=1.05, field_mT=(0.0, 3.0, 6.0, 9.0))
-    taken_for_right = identify("neo-hookean", [bent], seed=1)
-    freed = identify("neo-hookean", [bent], seed=1, free=[NuisancePrior("moment", 0.1)])
+    taken_for_right = refined("neo-hookean", [bent], 50e3).estimate
+    freed = refined("neo-hookean", [bent], 50e3, free=[NuisancePrior("moment", 0.1)]).estimate
     assert taken_for_right.initial_shear_modulus.value < 45e3
     low, high = freed.initial_shear_modulus.interval_95
     assert low < 46e3 < high
@@ -121,7 +122,7 @@ def test_roll_and_clamp_are_identified_for_each_dataset_and_the_coil_constant_fo
     assert fit.initial_shear_modulus.value == pytest.approx(46e3, rel=0.01)
     assert fit.error_mm.mean() == pytest.approx(NOISE_MM, rel=0.3)
     freed = [NuisancePrior("coil", 0.01), NuisancePrior("roll", 0.3)]
-    both = identify("neo-hookean", [turned, turned], seed=1, free=freed, most_generations=3)
+    both = refined("neo-hookean", [turned, turned], 46e3, free=freed).estimate
     assert [(v.name, v.datasets) for v in both.freed] == [
         ("coil constant", (0, 1)),
         ("roll of dataset 0", (0,)),

@@ -12,7 +12,9 @@ import pytest
 from eimi_fitting import BeamModel, Experiment, Loads, NuisancePrior, PointObservation, Prior, Specimen, identify
 from eimi_fitting.inference.evidence.objective import Problem
 from eimi_fitting.inference.evidence.unknowns import Unknowns
+from eimi_fitting.inference.interval.estimate import Estimate
 from eimi_fitting.laws import LAWS, search_space
+from tests.shared.estimates import refined
 
 STRIP = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=10.0, density_kg_m3=1070.0, section="plane-stress")
 NOISE_MM = 0.05
@@ -42,7 +44,12 @@ def alone():
     return identify("neo-hookean", [SEEN])
 
 
-def spread(fit) -> float:
+def estimated(priors: Sequence[Prior] = (), free: Sequence[NuisancePrior] = ()) -> Estimate:
+    """Return the estimate of a fit of SEEN with priors and freed inputs, which starts at 50 kPa, without search."""
+    return refined("neo-hookean", [SEEN], 50e3, free=free, priors=priors).estimate
+
+
+def spread(fit: Estimate) -> float:
     """Return the standard deviation (Pa) of the only parameter, computed from the width of its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
@@ -68,12 +75,11 @@ def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
     """
     measured, noise = alone.values[0], spread(alone)
     mean, deviation = measured - 2 * noise, share * noise
-    fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, deviation)])
+    fit = estimated([Prior("mu", mean, deviation)])
     weight, prior_weight = noise**-2, deviation**-2
     expected = (weight * measured + prior_weight * mean) / (weight + prior_weight)
-    assert fit.values[0] == pytest.approx(expected, abs=0.1 * noise)
+    assert fit.parameters["mu"].value == pytest.approx(expected, abs=0.1 * noise)
     assert spread(fit) == pytest.approx((weight + prior_weight) ** -0.5, rel=0.1)
-    assert fit.priors == (Prior("mu", mean, deviation),)
 
 
 def test_the_objective_has_the_factor_of_a_normal_prior():
@@ -85,7 +91,9 @@ def test_the_objective_has_the_factor_of_a_normal_prior():
 
 
 def test_a_very_wide_prior_changes_nothing(alone):
-    fit = identify("neo-hookean", [SEEN], priors=[Prior("mu", 10e3, 1e9)])
+    prior = Prior("mu", 10e3, 1e9)
+    fit = identify("neo-hookean", [SEEN], priors=[prior])
+    assert fit.priors == (prior,)
     assert fit.values == pytest.approx(alone.values, rel=1e-4)
     assert fit.parameters["mu"].interval_95 == pytest.approx(alone.parameters["mu"].interval_95, rel=1e-3)
 
@@ -94,7 +102,7 @@ def test_a_prior_determines_parameters_that_the_data_do_not_distinguish():
     """A prior on C10 determines both C10 and C01, which bending alone hardly distinguishes."""
     truth = [16e3, 7e3]
     experiment = tracked("mooney-rivlin", truth)
-    without = identify("mooney-rivlin", [experiment])
+    without = refined("mooney-rivlin", [experiment], 50e3).estimate
     with_prior = identify("mooney-rivlin", [experiment], priors=[Prior("C10", 16e3, 200.0)])
     assert without.identifiability.not_fixed == ("C01/(C10+C01)",)
     assert with_prior.identifiability.not_fixed == ()
@@ -107,9 +115,9 @@ def test_a_prior_determines_parameters_that_the_data_do_not_distinguish():
 
 def test_a_prior_on_the_initial_shear_modulus_is_a_prior_on_the_sum_of_parameters(alone):
     mean = alone.values[0] - 500.0
-    of_modulus = identify("neo-hookean", [SEEN], priors=[Prior("initial_shear_modulus", mean, 100.0)])
-    of_parameter = identify("neo-hookean", [SEEN], priors=[Prior("mu", mean, 100.0)])
-    assert of_modulus.values == pytest.approx(of_parameter.values, rel=1e-9)
+    of_modulus = estimated([Prior("initial_shear_modulus", mean, 100.0)])
+    of_parameter = estimated([Prior("mu", mean, 100.0)])
+    assert of_modulus.parameters["mu"].value == pytest.approx(of_parameter.parameters["mu"].value, rel=1e-9)
 
 
 def test_a_prior_on_the_modulus_determines_an_estimated_width(alone):
@@ -118,17 +126,16 @@ def test_a_prior_on_the_modulus_determines_an_estimated_width(alone):
     A change of the stiffness has the same effect as a change of the width.
     """
     freed = [NuisancePrior("width", 0.1)]
-    open_fit = identify("neo-hookean", [SEEN], free=freed)
-    constrained = identify("neo-hookean", [SEEN], free=freed, priors=[Prior("mu", 46e3, 50.0)])
+    open_fit = estimated(free=freed)
+    constrained = estimated([Prior("mu", 46e3, 50.0)], freed)
     assert spread(constrained) < 0.5 * spread(open_fit)
 
 
 def test_a_prior_that_the_data_contradict_is_doubted():
     experiment = tracked("neo-hookean", [46e3], np.linspace(0.0, 0.004, 24).tolist())
-    without_prior = identify("neo-hookean", [experiment])
-    far, near = (
-        Prior("mu", without_prior.values[0] - away * spread(without_prior), spread(without_prior)) for away in (8, 1)
-    )
+    without_prior = refined("neo-hookean", [experiment], 50e3).estimate
+    modulus_Pa = without_prior.parameters["mu"].value
+    far, near = (Prior("mu", modulus_Pa - away * spread(without_prior), spread(without_prior)) for away in (8, 1))
     (distance,) = (fit := identify("neo-hookean", [experiment], priors=[far])).prior_distances
     assert 3 < distance < 8
     assert any(

@@ -12,6 +12,7 @@ from benchmarks.phone import LARGEST_ERROR_PERCENT, outcome
 from eimi_lab.vision.calibration.exif_lens import focal_length
 
 
+@pytest.mark.slow  # tests/lab/page/test_phone_view.py fits another scene
 def test_the_modulus_of_one_scene_is_right_and_inside_its_interval(tmp_path: Path) -> None:
     result = outcome(1, 0.3, tmp_path)
     assert result.holds

@@ -153,7 +153,8 @@ def test_fit_and_residuals_turn_into_labelled_arrays(fitted):
 
 
 def test_a_fit_is_validated_as_object_and_as_file(bench, fitted, tmp_path):
-    path = eimi.fit(bench / "run.h5", ["neo-hookean"], output=tmp_path / "fits.json") and tmp_path / "fits.json"
+    path = tmp_path / "fits.json"
+    Fits.of([fitted]).write(path)
     by_object = eimi.validate(eimi.open(bench / "run.h5"), fitted)
     by_file = eimi.validate(str(bench / "run.h5"), [path, str(path)][:1], output=tmp_path / "v.json")
     assert by_object[0].mean_error_mm == by_file[0].mean_error_mm

@@ -29,17 +29,25 @@ def code_lines(text: str) -> int:
     return len([line for line in text.split('"""', 2)[2].splitlines() if line.strip()])
 
 
+@pytest.fixture(scope="module")
+def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second dataset of the bench."""
+    toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
+    path = tmp_path_factory.mktemp("again") / "run.h5"
+    eimi.acquire(toml[0], toml[1], toml[2], path, note="again").close()
+    return path
+
+
 @pytest.fixture
-def folder(bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(bench: Path, again: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with run.h5, its TOML files, two datasets in `runs`, and frames.npy as another program stores frames.
 
     The folder is the working directory of the test.
     """
     shutil.copytree(bench, tmp_path, dirs_exist_ok=True)
     (tmp_path / "runs").mkdir()
-    toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
     shutil.copy(bench / "run.h5", tmp_path / "runs" / "a.h5")
-    eimi.acquire(toml[0], toml[1], toml[2], tmp_path / "runs" / "b.h5", note="again").close()
+    shutil.copy(again, tmp_path / "runs" / "b.h5")
     with eimi.open(bench / "run.h5") as run:
         np.save(tmp_path / "frames.npy", [run.images(state.index, most=1)[0] for state in run.states])
     monkeypatch.chdir(tmp_path)

@@ -172,11 +172,14 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """A served emulated bench whose protocol has 451 states and takes minutes, so that no run ends during a test."""
+    """A served emulated bench whose protocol has 451 states and takes minutes, so that no run ends during a test.
+
+    The beam is watched for a second in each state, so that the page has few states to compute.
+    """
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))
-    protocol = (files / "protocol.toml").read_text()
+    protocol = (files / "protocol.toml").read_text().replace("drift_window_s = 0.02", "drift_window_s = 1.0")
     (files / "protocol.toml").write_text(protocol.replace("stop_A = 0.3\nstep_A = 0.1", "stop_A = 0.9\nstep_A = 0.002"))
     coil = CoilSupply(WallClock())
     with serve_tcp(emulate("scpi", coil)) as address:

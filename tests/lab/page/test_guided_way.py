@@ -62,16 +62,24 @@ def press(page: Any, name: str) -> None:
     raise AssertionError(f"the key Tab does not reach {name}")
 
 
-def test_the_modulus_is_the_largest_text_with_its_interval_beside_it_and_what_limits_it(
+def test_the_modulus_is_the_largest_text_and_does_not_wait_for_the_edges_of_all_states(
     emulated_bench: Any, dashboard: Any, tab: Any
 ) -> None:
+    """The page shows the modulus from the states with edges, its interval beside it, and what limits it.
+
+    The edges of the third state take long.
+    """
     page = tab(dashboard(emulated_bench.folder)[1])
     page.route("**/api/dataset/modulus*", lambda route: route.fulfill(json=MODULUS | {"states": 2}))
+    held: list[Any] = []
+    page.route(re.compile(r"/api/dataset/edges\?.*state=2\b"), lambda route: held.append(route))
     start(page)
-    page.locator("#live-plot circle.dot >> nth=1").wait_for()
-    page.get_by_role("button", name="Pause").click()
     number, interval = page.locator("#modulus-number"), page.locator("#modulus-interval")
     number.get_by_text("46.40 kPa").wait_for()
+    page.locator("#progress-facts").get_by_text(re.compile("^([3-9]|\\d\\d+) of 451$")).wait_for()
+    page.locator("#live-plot circle.dot >> nth=1").wait_for()
+    assert page.locator("#live-plot circle.dot").count() == 2
+    page.get_by_role("button", name="Pause").click()
     assert interval.inner_text() == "95 %: 46.10 to 46.70 kPa"
     assert "Largest source of its uncertainty: width" in page.locator("#modulus-words").inner_text()
     size = "element => parseFloat(getComputedStyle(element).fontSize)"
@@ -85,22 +93,6 @@ def test_the_modulus_is_the_largest_text_with_its_interval_beside_it_and_what_li
     page.keyboard.press("Escape")
     page.get_by_text("the coil is off, confirmed after").wait_for()
     assert number.is_visible()  # the modulus of the stopped run stays until the next run
-
-
-def test_the_modulus_does_not_wait_for_the_edges_of_all_states(emulated_bench: Any, dashboard: Any, tab: Any) -> None:
-    page = tab(dashboard(emulated_bench.folder)[1])
-    page.route("**/api/dataset/modulus*", lambda route: route.fulfill(json=MODULUS | {"states": 2}))
-    held: list[Any] = []
-    page.route(
-        re.compile(r"/api/dataset/edges\?.*state=2\b"), lambda route: held.append(route)
-    )  # these edges take long
-    start(page)
-    page.locator("#modulus-number").get_by_text("46.40 kPa").wait_for()
-    page.locator("#progress-facts").get_by_text(re.compile("^([3-9]|\\d\\d+) of 451$")).wait_for()
-    page.locator("#live-plot circle.dot >> nth=1").wait_for()
-    assert page.locator("#live-plot circle.dot").count() == 2
-    page.keyboard.press("Escape")
-    page.get_by_text("the coil is off, confirmed after").wait_for()
     for route in held:
         route.continue_()
 

@@ -1,0 +1,47 @@
+"""The estimate of a fit that starts near its optimum, without the search and without the causes of the residuals.
+
+The search and the causes take most of the time of a fit. A test of values and intervals does not need them, because
+both leave the values and the intervals of a fit without doubts as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eimi_fitting.inference.corrected_optimum import SearchEnd, refine
+from eimi_fitting.inference.evidence.corrections import polished
+from eimi_fitting.inference.evidence.experiment import Experiment
+from eimi_fitting.inference.evidence.objective import Problem
+from eimi_fitting.inference.evidence.parameter_priors import Prior
+from eimi_fitting.inference.evidence.tensile_curves import TensileCurve, TensileEvidence
+from eimi_fitting.inference.evidence.unknowns import NuisancePrior, Unknowns, nuisances
+from eimi_fitting.laws import LAWS
+from eimi_fitting.laws.search_space import search_space
+
+
+def refined(
+    model: str,
+    experiments: Sequence[Experiment],
+    start_Pa: float,
+    *,
+    free: Sequence[NuisancePrior] = (),
+    tensile: Sequence[TensileCurve] = (),
+    priors: Sequence[Prior] = (),
+) -> SearchEnd:
+    """Return the end of a fit of the law `model` whose search has found the modulus `start_Pa`.
+
+    The arguments are those of `eimi_fitting.identify`.
+    """
+    space = search_space(LAWS[model])
+    unit = np.full(len(space.names), 0.5)
+    unit[0] = np.log(start_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
+    problem = Problem(
+        LAWS[model],
+        Unknowns(space, nuisances(free, len(experiments), [experiment.stated for experiment in experiments])),
+        tuple(polished(experiment) for experiment in experiments),
+        tuple(TensileEvidence.of(curve, model) for curve in tensile),
+        tuple(priors),
+    )
+    return refine(problem, unit, 1)
