@@ -72,7 +72,7 @@ _PRELOADED = [  # third-party packages, which are loaded once for all processes
 ]
 _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(_PRELOADED)
-_OUTCOMES = {0: SURVIVED, 1: CAUGHT}  # by pytest's exit status; any other status means that the entry is wrong
+_OUTCOMES = {0: SURVIVED, 1: CAUGHT, 5: SURVIVED}  # by pytest's status; 5: all tests deselected; others: a wrong entry
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,21 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
     A mistake is a deliberate change of one fragment of the code. Return the outcome and the last line of pytest's
     output. The outcome is "caught" if a test failed, "survived" if no test failed, and "broken" if pytest could not run
-    the tests.
+    the tests. A test that fails without the mistake, too, does not catch a generated mistake; it is left out.
     """
+    left_out: list[str] = []
+    while True:
+        outcome, line = _tried_without(left_out, mutant, copy)
+        failed = line.removeprefix("FAILED ").partition(" - ")[0]
+        if not (mutant.is_generated and outcome == CAUGHT and line.startswith("FAILED")):
+            return outcome, line
+        if run_tests((failed,), copy)[0] != CAUGHT:
+            return outcome, line
+        left_out.append(f"--deselect={failed}")
+
+
+def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
+    """Try a mistake like `tried`; the options ``left_out`` of pytest deselect some tests."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
@@ -179,9 +192,9 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
         outcome, line = SURVIVED, ""
         for tests in (mutant.tests[:FIRST_TESTS], mutant.tests[FIRST_TESTS:]):
             if tests and outcome == SURVIVED:
-                outcome, line = run_tests(tests, copy, mutant.limit_s)
+                outcome, line = run_tests(tests, copy, mutant.limit_s, left_out)
         if outcome == SURVIVED and (room_tests := mutant.room_tests(copy)):
-            outcome, line = run_tests(room_tests, copy, ROOM_LIMIT_S)
+            outcome, line = run_tests(room_tests, copy, ROOM_LIMIT_S, left_out)
         whole = tuple(dict.fromkeys(test.partition("[")[0] for test in mutant.tests))
         if outcome == BROKEN and whole != mutant.tests and not _is_import_failure(line):
             outcome, line = run_tests(whole, copy, mutant.limit_s)  # the mistake changed the parameters of a test

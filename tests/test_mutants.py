@@ -82,6 +82,8 @@ def test_a_generated_mistake_that_the_map_misses_is_tried_with_the_tests_of_its_
     (project / "inner" / "sums.py").write_text("def add(a, b):\n    return a + b\n")
     for name, sum_ in (("map", "2, 2) == 4"), ("folder", "1, 2) == 3")):
         (project / f"test_{name}.py").write_text(f"from inner.sums import add\n\ndef test():\n    assert add({sum_}\n")
+    with (project / "test_map.py").open("a") as tests:
+        tests.write("\ndef test_that_fails_without_the_mistake():\n    assert add(2, 2) == 5\n")
     copy = copied(project, tmp_path / "copies")
     listed = tmp_path / "room_tests.toml"
     monkeypatch.setattr(mutants, "ROOM_TESTS", listed)
