@@ -62,7 +62,7 @@ def test_an_issue_form_has_its_labels_and_fields(form: Path) -> None:
 
 
 def test_a_release_has_the_same_version_everywhere() -> None:
-    """The changelog's newest release, the citation file, and a clone without tags have the same version."""
+    """The changelog, the citation file, and a package that is built without tags state the same version."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
     citation = read("CITATION.cff")

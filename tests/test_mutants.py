@@ -75,7 +75,11 @@ def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -
 def test_a_generated_mistake_that_the_map_misses_is_tried_with_the_tests_of_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The test of the map does not notice that a sum is a product; the test that is listed for its folder does."""
+    """If the tests that execute a line do not detect a deliberate mistake in it, the tests of its folder are tried.
+
+    A map names, for each line of code, the tests that execute it. In this example, the test in the map does not notice
+    that a sum has become a product; the test that is listed for the folder does.
+    """
     project = tmp_path / "small"
     (project / "inner").mkdir(parents=True)
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')

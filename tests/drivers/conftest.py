@@ -60,7 +60,10 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Return a function that runs one conformance check on the driver of a link such as "korad over tcp"."""
+    """Return a function that runs one conformance check on the driver of a link such as "korad over tcp".
+
+    A conformance check is one of the checks that each driver must pass.
+    """
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]

@@ -443,7 +443,10 @@ def test_commands_are_made_one_after_the_other_in_a_thread_that_ends() -> None:
 
 
 class Features(Library):
-    """A replacement of the library with a camera whose settings can be written and read, for tests of `set_up`."""
+    """A replacement of the library with a camera whose settings can be written and read.
+
+    It serves the tests of `set_up`, the function of the driver that writes the settings.
+    """
 
     def __init__(self) -> None:
         super().__init__(SimulatedClock())

@@ -45,7 +45,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """A faulty supply driver that returns the last measured values if the instrument does not answer."""
+    """A faulty supply driver that returns the last measured values, without an error, if the supply does not answer."""
 
     last: Reading | None = None
 

@@ -1,4 +1,4 @@
-"""The model of a supply and its coil agrees with formulas, also with protections and faults."""
+"""The simulated supply with its coil agrees with formulas, also after a protection of the supply acts."""
 
 from __future__ import annotations
 

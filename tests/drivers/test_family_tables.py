@@ -117,7 +117,10 @@ def test_a_channel_that_the_family_does_not_have_is_refused(driver: str) -> None
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """The driver reads back every level and every on-off switch of a protection that it has set."""
+    """The driver reads back every limit (A or V) and every on-off switch of a protection that it has set.
+
+    A profile is the description of one family of supplies.
+    """
     for profile in PROFILES:
         queries = {question for question, _ in profile.armed}
         for message in profile.protect:

@@ -41,7 +41,7 @@ class VendorError(Exception):
 
 
 class Vendor:
-    """A supply driver of another package; its method with the name `fails` raises `error`."""
+    """A supply driver of another package; the method whose name is in `fails` raises the exception `error`."""
 
     fails = ""
     error: BaseException = VendorError("code 7\nsee the manual")

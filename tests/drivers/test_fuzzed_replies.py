@@ -1,7 +1,8 @@
 """Damaged replies never lead to a wrong set-point: a driver returns the value in the reply, or raises an error in time.
 
-The emulated supply obeys every message, or no message if its front panel is locked. The line damages the replies at
-random. The long run prints the number of each outcome: `pytest -m slow -s tests/drivers/test_fuzzed_replies.py`.
+The emulated supply obeys every message, or no message if its front panel is locked. The line, that is, the emulated
+connection to the supply, damages the replies at random. The long run prints the number of each outcome: `pytest -m slow
+-s tests/drivers/test_fuzzed_replies.py`.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 class FuzzedLine:
     """A line that damages the reply to every query and keeps the damaged replies in `handed_out`.
 
-    The functions in `spoils` damage the replies in turn.
+    A line is a connection to an instrument. The functions in `spoils` damage the replies in turn.
     """
 
     instrument: Responder

@@ -1,4 +1,4 @@
-"""The drivers interpret every error number, trip and status bit as the manuals describe it.
+"""The drivers interpret every error number, tripped protection and status bit as the manuals describe it.
 
 The tables in this file were written from the manuals, independently of the drivers. `test_every_row_has_a_case` fails
 if the table of a driver has an entry that this file lacks.
@@ -154,7 +154,7 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 def question_of(register: tuple[str, int]) -> bytes:
     """Return the message with which a driver asks the supply for the value of a status register.
 
-    register: name of the driver, and index of the register in the driver's list of registers.
+    register: name of the driver, and index of the register in the driver's list of status registers.
     """
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)

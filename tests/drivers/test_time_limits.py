@@ -1,4 +1,7 @@
-"""In simulated time, drivers wait as long as they should, and emulated faults begin when their conditions say."""
+"""In simulated time, drivers wait as long as they should.
+
+An emulated fault begins when its condition is fulfilled, for example 3 s after a current has begun to flow.
+"""
 
 from __future__ import annotations
 
@@ -190,7 +193,11 @@ def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
 def test_a_session_looks_every_twentieth_of_a_second_until_its_supply_has_left(
     session: tuple[EmulatedSession, CoilSupply, list[str]], monkeypatch: pytest.MonkeyPatch, fault: Fault | None
 ) -> None:
-    """Only a supply that gets another address leaves; with any other fault, the supply is served further."""
+    """The session, which serves an emulated supply, ends only if a fault gives the supply another address.
+
+    With any other fault, the session continues to serve the supply. It checks every 50 ms whether the fault has to
+    begin.
+    """
     served, coil, messages = session
     coil.set_voltage(12.0)
     coil.set_current(0.5)

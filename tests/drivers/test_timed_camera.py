@@ -136,7 +136,7 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """If the computer sleeps while the run waits for a frame, the error is the pause of the run, not a slow camera.
+    """If the computer sleeps while the run waits for a frame, the error is about the sleep, not about a slow camera.
 
     After the sleep, the time limit of the camera's call has passed too, but the camera has caused no delay.
     """

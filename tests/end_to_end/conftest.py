@@ -1,4 +1,7 @@
-"""Fixtures: commands that run in this process, which is faster than a new process, and datasets of a tracked strip."""
+"""Fixtures: commands that run in this process, which is faster than a new process, and datasets of a beam.
+
+The datasets contain tracked points, and no pictures.
+"""
 
 from __future__ import annotations
 
@@ -70,9 +73,9 @@ def done(eimi: Callable[..., Ended]) -> Callable[..., list[str]]:
 
 
 def track_points(done: Done, folder: Path, name: str, forces_N: list[float], modulus_Pa: float) -> None:
-    """Import tracked points on the middle line of a strip under tip forces (N) as the dataset `name`.h5.
+    """Import tracked points on the middle line of a beam under tip forces (N) as the dataset `name`.h5.
 
-    modulus_Pa: shear modulus of the neo-Hookean strip.
+    modulus_Pa: shear modulus of the beam, whose law is neo-Hookean.
     """
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")).refined().halved()
     loads = Loads.along([0.0] * len(forces_N), 90.0, 90.0, forces_N)
@@ -94,7 +97,7 @@ def track_points(done: Done, folder: Path, name: str, forces_N: list[float], mod
 
 @pytest.fixture(scope="module")
 def folder(done: Done, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two datasets of one strip, a fit of the first dataset, and tensile fits of a stiffer material."""
+    """A folder with two datasets of one beam, a fit of the first dataset, and tensile fits of a stiffer material."""
     folder = tmp_path_factory.mktemp("validate")
     track_points(done, folder, "train", [0.0, 0.001, 0.002], 46e3)
     track_points(done, folder, "unseen", [0.0005, 0.0015, 0.003], 46e3)

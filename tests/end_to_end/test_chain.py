@@ -31,7 +31,10 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Write the shipped virtual rig with a hidden material of the law `model`; return the path of the rig file."""
+    """Write a copy of the shipped virtual rig with another hidden material; return the path of the rig file.
+
+    The commands under test do not know the material. model, parameters: its law, and the parameters of the law as TOML.
+    """
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
     materials = f'[silicone."Dragon Skin 10"]\nmodel = "{model}"\nparameters = {{ {parameters} }}\n'

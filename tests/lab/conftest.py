@@ -252,7 +252,7 @@ def setup(files: Path, frame: Callable[..., np.ndarray]) -> Setup:
 def dataset(files: Path) -> Path:
     """A dataset with two states of a beam at rest, drawn at 8 px/mm.
 
-    The run has attached the warning NOT_SETTLED to the second state.
+    The run has attached the warning NOT_SETTLED (the beam still moved) to the second state.
     """
     header = Header(load_specimen(files / "specimen.toml"), load_calibration(files / "calibration.toml"))
     rng = np.random.default_rng(0)

@@ -157,7 +157,7 @@ def test_the_width_of_the_beam_gives_the_scale(run, tmp_path, lit):
 
 
 def thread(angle_deg, width_px=6.0, bob=True):
-    """Render a dark plumb line across the picture of the benchmark, with a weight at its end if `bob` is True.
+    """Render a dark plumb line across a picture of 1280 x 1024 px, with a weight at its end if `bob` is True.
 
     angle_deg: direction of the line in the picture, clockwise from +x. width_px: width of the line.
     """

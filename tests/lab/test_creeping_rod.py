@@ -50,7 +50,10 @@ def test_small_vibrations_and_creep_are_those_of_the_motion_in_time() -> None:
 
 
 def analysed(places_mm: np.ndarray, times_s: np.ndarray) -> Decay:
-    """Return the vibrations in the motion of points on the beam, (frames, points, 2) in mm, with a little noise."""
+    """Return the decay of the vibrations that the program finds in the positions of points, with a little noise added.
+
+    places_mm: the positions of points on the beam in mm, shape (frames, points, 2).
+    """
     noisy = places_mm + 1e-3 * np.random.default_rng(1).standard_normal(places_mm.shape)
     time_s = np.repeat(times_s[:, None], places_mm.shape[1], axis=1)
     motion = Motion("creep", noisy, 0 * noisy[0], time_s, np.full(time_s.shape, 1e-3))

@@ -1,4 +1,4 @@
-"""CSV tables with random text are read, or refused in one line."""
+"""CSV tables with random text are read, or refused with an error of one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`eimi discover` on real files finds the terms of a law, writes the law, and refuses wrong options in one line."""
+"""`eimi discover` finds the terms of a law and writes the law; a wrong option gives an error of one line."""
 
 from __future__ import annotations
 

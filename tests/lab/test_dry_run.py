@@ -194,8 +194,8 @@ def test_the_steps_of_a_long_run_are_summarised(setup: Any) -> None:
 def test_a_dry_run_prints_the_durations_with_a_beam_at_rest_and_with_a_beam_that_never_rests(setup: Any) -> None:
     """A dry run prints the duration for a beam that is at rest at once, and for a beam that never comes to rest.
 
-    The wait for rest takes 5 s instead of 0.02 s in each of ten states, and for each of the four frames of the
-    conditioning.
+    For a beam that never rests, the wait takes 5 s instead of 0.02 s in each of ten states, and for each of the four
+    frames of the conditioning (cycles of the current before the first state).
     """
     steps, _ = long_run(setup)
     durations = re.fullmatch(

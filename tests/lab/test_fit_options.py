@@ -1,4 +1,4 @@
-"""One additional field of the options adds an option of `eimi fit` to the command line, the checkpoint and the fit."""
+"""One additional field in the class of the options adds an option of `eimi fit` to command line, checkpoint and fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every flag (warning about edges) has the right limits, severity below and above each limit, and added deviation.
+"""Every flag (warning about edges) has the right limits, severities, and contribution to the standard deviation.
 
 This file repeats the rows of the table of flags. A test therefore fails for a new flag until its row is added here.
 `docs/why/edges.md` gives the sources of the limits.
@@ -123,9 +123,9 @@ def test_a_doubtful_value_adds_its_deviation_to_the_points(finding: str) -> None
 
 
 def test_a_deviation_grows_with_its_value() -> None:
-    """The farther a value is beyond its limit, the larger is the standard deviation that its flag adds to the points.
+    """The standard deviation that a flag adds to the edge points never falls as the value moves past its limit.
 
-    A flag is a warning about the edges. The deviation may also stay the same.
+    A flag is a warning about the edges, which a measured value beyond its limit raises.
     """
     for check in CHECKS:
         if check.widens is None:

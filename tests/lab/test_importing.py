@@ -1,4 +1,4 @@
-"""`eimi import` makes a dataset from a correct folder; for an incorrect folder it gives one line and no file."""
+"""`eimi import` makes a dataset from a correct folder; an incorrect folder gives an error of one line and no file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`eimi import` handles videos, averages and warnings; damaged or misleading images give one line or warnings."""
+"""`eimi import` reads videos and averages frames; damaged or misleading images give an error or warnings."""
 
 from __future__ import annotations
 
@@ -300,7 +300,7 @@ def test_the_error_for_a_dataset_that_does_not_fit_on_the_disk_names_the_dataset
 
 
 def test_a_damaged_video_is_refused_in_one_line(files: Path, frame: Draw) -> None:
-    """A damaged video gives one line of error, without messages of the video decoder.
+    """A damaged video gives an error of one line, without messages of the video decoder.
 
     The command runs in another process, so that the test can read the messages of the decoder.
     """

@@ -1,4 +1,4 @@
-"""Edges in photographs of other laboratories are right although the photographs or the statements are inexact."""
+"""Edges in photographs of other laboratories are right although photographs or typed values are inexact."""
 
 import numpy as np
 import pytest

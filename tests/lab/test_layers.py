@@ -1,4 +1,7 @@
-"""Imports between the layers in [tool.importlinter] go in one direction only, and never form a circle of modules."""
+"""Imports between the layers of packages go in one direction only, and modules never import each other in a circle.
+
+The table [tool.importlinter] of pyproject.toml lists the layers.
+"""
 
 from __future__ import annotations
 

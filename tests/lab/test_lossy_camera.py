@@ -48,7 +48,7 @@ def coil() -> CoilSupply:
 
 @pytest.fixture
 def measure(setup: Any, files: Path, coil: CoilSupply) -> Iterator[Callable[..., None]]:
-    """Return a function that runs the short protocol with the camera at 127.0.0.1 and an emulated supply."""
+    """Return a function that runs the protocol of `setup` with the emulated GigE camera and an emulated supply."""
     with serve_tcp(emulate("scpi", coil)) as address:
 
         def run(on_event: Callable[[Event], None] = ignore_event, camera: str = "", **options: Any) -> None:

@@ -1,4 +1,4 @@
-"""A dataset that no material can explain is refused in one line with the likely cause and the key to change."""
+"""A dataset that no material can explain gives an error of one line with the likely cause and the key to change."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""After a fault while the coil carries its full current, the run ends with the coil off. Some faults are tested.
+"""After a fault while the coil carries its full current, the run ends with the coil off.
 
-`python -m benchmarks.off_campaign --trials 5` is the whole campaign.
+This file tests some of the faults. `python -m benchmarks.off_campaign --trials 5` tests all of them.
 """
 
 from __future__ import annotations

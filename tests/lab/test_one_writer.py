@@ -57,7 +57,7 @@ def image(number: int) -> np.ndarray:
 
 @contextmanager
 def writing(path: Path, states: int) -> Iterator[subprocess.Popen[str]]:
-    """Start a process that stores `states` states in a dataset, and then one more state for each line that it reads."""
+    """Start a process that stores `states` states in a dataset, and then one more for each line on its input."""
     command = [sys.executable, "-c", WRITER, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         for _ in range(states):

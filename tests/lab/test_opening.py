@@ -254,6 +254,6 @@ def test_each_long_operation_calls_its_method_of_the_run_while_the_run_heeds_sig
 
 
 def test_the_fixture_has_the_fields_of_a_rig() -> None:
-    """The replacements name only fields that a rig has."""
+    """The replacement for a rig in the fixture `bench` has only fields that a rig has."""
     assert {"camera", "supply", "virtual", "sensors"} <= set(Rig.model_fields)
     assert hasattr(Rig, "simulated")

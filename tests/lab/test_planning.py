@@ -1,4 +1,4 @@
-"""`eimi plan` writes a protocol of the planned states, and refuses impossible plans in one line."""
+"""`eimi plan` writes a protocol of the planned states; an impossible plan gives an error of one line."""
 
 from __future__ import annotations
 

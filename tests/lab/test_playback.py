@@ -24,7 +24,7 @@ from eimi_lab.vision.check import Flag
 
 
 class Pictures:
-    """A recording of three pictures, whose grey values are 1, 2 and 3."""
+    """A recording of three pictures, whose grey values are 1, 2 and 3; it takes the place of a camera."""
 
     settings = NO_SETTINGS
 

@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return the specimen type1 with other values of the given keys of [specimen]."""
+    """Return the shipped specimen "type1" (of Di Lecce et al.) with other values of the given keys of [specimen]."""
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)
@@ -43,7 +43,10 @@ def stated(**keys: str) -> SpecimenFile:
 
 
 def experiment_with(specimen, loads: Loads, seed: int = 1) -> Experiment:
-    """Return an experiment (beam model, loads, noisy edges) of the beam `specimen`, whose file describes type1."""
+    """Return an experiment (beam model, loads, noisy edges) of the beam `specimen`.
+
+    The specimen file of the experiment describes another beam, the shipped specimen "type1".
+    """
     model = BeamModel(specimen, 26, 3)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 6:-2]

@@ -1,4 +1,4 @@
-"""The rod of the virtual rig turns and vibrates like the solid whose stiffness it has."""
+"""The rod, with which the virtual rig computes vibrations, bends and vibrates like the solid whose stiffness it has."""
 
 from __future__ import annotations
 

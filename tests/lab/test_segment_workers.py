@@ -60,7 +60,7 @@ def test_two_workers_give_the_same_dataset_as_one(
 ) -> None:
     """Two workers give the same dataset as one worker, byte by byte except the date.
 
-    The frames have a flat field, and one state shows no beam.
+    The frames are corrected by a flat field (an image of the uneven light), and one state shows no beam.
     """
     images = [frame(seed, seed / 2) for seed in range(6)]
     images[3] = np.full_like(images[3], 200)

@@ -61,7 +61,7 @@ def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
 
 
 def band_of_the_whole_picture(image: np.ndarray) -> np.ndarray:
-    """Return a mask of the pixels near an edge of the picture, computed in the whole picture at once.
+    """Return a mask of the pixels near an edge in the picture, computed in the whole picture at once.
 
     A pixel is near an edge if, within 4 px, the gradient is at least a quarter of the steepest gradient.
     """

@@ -100,7 +100,10 @@ def test_the_page_shows_all_tables_and_figures(short):
 
 
 def test_the_figures_of_a_study_are_as_accepted(short, tmp_path):
-    """`printed/study_figures.txt` describes the figures; read the differences before you copy a new description."""
+    """The figures of a study agree with the accepted description in `printed/study_figures.txt`.
+
+    If the test fails, read the differences before you copy the new description over the accepted one.
+    """
     _, _, findings = short
     with matplotlib.rc_context(STYLE):
         drawn = {

@@ -80,7 +80,10 @@ def test_a_state_is_on_the_disk_when_it_is_acknowledged(
 def test_a_run_reacts_while_a_busy_disk_writes_a_state(
     files: Path, frame: Draw, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The writer gives signs of life in the main thread while it waits for the disk."""
+    """While the writer of a dataset waits for the disk, it calls `beat` in the main thread again and again.
+
+    With this function, the run shows that it is alive, and reacts to signals.
+    """
     writes, alive = threading.Event(), threading.Event()
 
     def of_a_busy_disk(descriptor: int) -> None:

@@ -1,4 +1,4 @@
-"""Tensile tests in two file formats are read or refused in one line, and their fits become material cards."""
+"""Tensile tests in two file formats are fitted and become material cards; a faulty file gives an error of one line."""
 
 from __future__ import annotations
 

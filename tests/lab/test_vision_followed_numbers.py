@@ -1,4 +1,7 @@
-"""Intermediate results of following a beam, and mixtures of the colour channels, agree with the drawn pictures."""
+"""Intermediate results of the search that follows a beam agree with the drawn pictures.
+
+Further tests concern mixtures of the colour channels.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +54,8 @@ def scattered(along: Array, seed: int) -> Array:
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
     """The scatter of the points of a wavy edge is estimated rightly, also if a part of the edge has few points.
 
-    On this part, the share `few_of` of the length, only every tenth point remains. The waves must not be taken for
-    scatter.
+    On this part, which is the share `few_of` of the length, only every tenth point remains. The waves must not be taken
+    for scatter.
     """
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
@@ -91,10 +94,11 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 
 
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
-    """Return a noisy picture of a beam 24 px wide, in the form of a picture that was sampled along the beam.
+    """Return an unrolled picture of a beam 24 px wide, with noise: grey values on a grid that follows the middle line.
 
-    colours: grey values without noise, shape (n, 53): n stations along the beam, 1/12 of a width apart, and 53 points
-    across it, 1/24 of a width apart. turn_rad: angle (rad) by which the beam turns on each width of its length.
+    colours: the grey values without noise, shape (n, 53). The grid has n places along the beam, 1/12 of the beam's
+    width apart, and at each place 53 points across the beam, 1/24 of the width apart. turn_rad: angle (rad) by which
+    the beam turns on each width of its length.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0

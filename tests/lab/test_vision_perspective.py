@@ -52,7 +52,8 @@ def photographed_edges(calibration):
 def fitted(edges, view):
     """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
 
-    The error is the root mean square in each state, averaged over the states.
+    The error is the root mean square in each state, averaged over the states. edges, view: as `photographed_edges`
+    returns them.
     """
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)

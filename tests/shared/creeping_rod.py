@@ -1,9 +1,9 @@
 """Small vibrations and slow creep of the rod of the virtual rig, without an integration of the vibrations in time.
 
-`MovingBeam` integrates the whole motion in time, in steps of milliseconds. Here the creep is integrated without
-inertia, in steps that grow with the time since the last change of the field. The lowest vibration is computed from the
-derivatives of the forces (tangents) at the creeping rod, and added. The sum is exact for small vibrations only. It
-takes a hundredth of the time, so that hundreds of hidden materials can be recorded.
+The class `MovingBeam` of the virtual rig integrates the whole motion in time, in steps of milliseconds. Here the creep
+is integrated without inertia, in steps that grow with the time since the last change of the field. The lowest vibration
+is computed from the derivatives of the forces with respect to the shape of the rod, and is added. The sum is exact for
+small vibrations only. It takes a hundredth of the time, so that hundreds of hidden materials can be recorded.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The estimate of a fit that starts near its optimum, without the search and without the causes of the residuals.
+"""The estimate of a fit that starts near its optimum, without the search and without a diagnosis of the residuals.
 
-The search and the causes take most of the time of a fit. A test of values and intervals does not need them, because
-both leave the values and the intervals of a fit without doubts as they are.
+The search, and the diagnosis of the probable causes of the residuals (such as a wrong width), take most of the time of
+a fit. A test of values and intervals does not need them, because both leave the values and the intervals of a fit
+without doubts as they are.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def refined(
     tensile: Sequence[TensileCurve] = (),
     priors: Sequence[Prior] = (),
 ) -> SearchEnd:
-    """Return the end of a fit of the law `model` whose search has found the modulus `start_Pa`.
+    """Return the result of a fit of the law `model` whose search has found the modulus `start_Pa`.
 
     The arguments are those of `eimi_fitting.identify`.
     """

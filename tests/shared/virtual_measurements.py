@@ -273,9 +273,8 @@ class Row:
 
     held_percent: share of the intervals that contain the truth (coverage). chance_percent: its 95 % confidence
     interval. drawn_percent: share of the experiments whose random errors shift the modulus by less than 1.96 standard
-    deviations of this shift.
-    over_needed: half-width of the intervals divided by the half-width with which 95 % would contain the truth;
-    over_needed_least: lower bound of this ratio.
+    deviations of this shift. over_needed: half-width of the intervals divided by the half-width with which 95 % would
+    contain the truth; over_needed_least: lower bound of this ratio, with a confidence of 97.5 %.
     """
 
     name: str

@@ -44,8 +44,8 @@ class Answer:
 class Served:
     """The dashboard's page while it is served from a folder.
 
-    `ask` sends a request with the token of the page. With the argument `X_Eimi_Token`, it sends another token, or no
-    token if the argument is empty.
+    `ask` sends a request with the token of the page, the secret text that every request must contain. With the argument
+    `X_Eimi_Token`, it sends another token, or no token if the argument is empty.
     """
 
     folder: Path
@@ -174,7 +174,7 @@ class EmulatedBench:
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
     """A served emulated bench whose protocol has 451 states and takes minutes, so that no run ends during a test.
 
-    The beam is watched for a second in each state, so that the page has few states to compute.
+    A run waits at least one second for the beam to rest in each state, so that the page computes few edges meanwhile.
     """
     (files / "shots").mkdir()
     for number in range(4):

@@ -39,7 +39,7 @@ PROTOCOLS = Path(str(files("eimi_lab.protocols")))
 
 
 def steered(served: Any, path: str, body: dict[str, Any]) -> tuple[int, Any]:
-    """Send a request of the tab in control; return the status and the answer."""
+    """Send a request of the tab in control, which alone may start and stop runs; return the status and the answer."""
     with in_control(served) as (_, name):
         answer = served.ask(path, "POST", json.dumps(body).encode(), Origin=f"http://{served.host}", X_Tab=name)
     return answer.status, json.loads(answer.body)

@@ -17,7 +17,10 @@ from tests.patience import PATIENCE_S
 
 @contextmanager
 def in_control(served: Any) -> Iterator[tuple[Any, str]]:
-    """Yield a WebSocket whose tab is in control of the bench, and the name of the tab."""
+    """Yield a WebSocket whose tab is in control of the bench, and the name of the tab.
+
+    Only the tab in control may start and stop runs.
+    """
     with served.socket() as tab:
         state = json.loads(tab.recv(timeout=PATIENCE_S))
         if state["control"] != "you":

@@ -1,4 +1,4 @@
-"""The way from the live view over a run to its fit, on the screen of a phone and with the keyboard alone."""
+"""A user gets from the live view over a run to its fit, on the screen of a phone and with the keyboard alone."""
 
 from __future__ import annotations
 

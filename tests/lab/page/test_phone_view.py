@@ -79,7 +79,10 @@ def phone(served: Any, tab: Any, scene: Any) -> Any:
 def test_photographs_clicks_and_typed_numbers_lead_to_the_modulus(
     served: Any, phone: Phone, scene: Any, bodies: Any, photographs: list[Path]
 ) -> None:
-    """A user who drops three photographs, clicks four points and types eight values gets the true modulus."""
+    """A user who drops three photographs, clicks four points and types eight values gets the true modulus.
+
+    The four points are in the first photograph.
+    """
     folder = served.folder / "level"
     folder.mkdir()
     (folder / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())  # so that the folder can be chosen

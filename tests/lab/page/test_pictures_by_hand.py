@@ -1,4 +1,4 @@
-"""The view of pictures without instruments answers rightly about a folder, and writes the right files into it."""
+"""The dashboard's view for pictures without a bench answers rightly about a folder, and writes the right files."""
 
 from __future__ import annotations
 

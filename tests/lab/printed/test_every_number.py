@@ -1,7 +1,8 @@
-"""Every printed number comes from the right field of the stored results, and has the right ratio to this field.
+"""Every printed number comes from the right stored number, and has the right ratio to this number.
 
-`traced_numbers.txt` lists the field and the ratio (factor) of each number. If the test fails, it prints a `diff`
-command with the paths of the new and the old list. Read the differences before you copy the new list over the old list.
+`traced_numbers.txt` lists, for each printed number, the field of the results file in which the stored number is, and
+the ratio (factor). If the test fails, it prints a `diff` command with the paths of the new and the old list. Read the
+differences before you copy the new list over the old list.
 """
 
 from __future__ import annotations
@@ -322,7 +323,7 @@ def traces(
     validation: Callable[..., Validation],
     shown: Shown,
 ) -> dict[str, list[str]]:
-    """The source of each number in each printed text, table and figure: the field of the record and the factor."""
+    """Return from which stored number each number in a text, table or figure comes, with the factor between the two."""
     return {
         **numbers_of_a_fit(fit, evidence, shown),
         **numbers_of_the_figures_of_a_fit(fit, shown),

@@ -1,8 +1,8 @@
-"""Find the field of a record from which each printed number comes, and the ratio of printed number to field.
+"""Find the stored number from which each printed number comes, and the ratio of the printed to the stored number.
 
-Each number of a record is changed in turn, and everything is printed again. The printed numbers that change come from
-the changed number. If a printed number comes from one field alone and is proportional to this field, their ratio is the
-factor.
+Each number of a stored result is changed in turn, and everything is printed again. The printed numbers that change come
+from the changed number. If a printed number comes from one stored number alone and is proportional to it, their ratio
+is the factor.
 """
 
 from __future__ import annotations
