@@ -94,7 +94,7 @@ def test_an_unknown_term_is_refused_with_a_list_of_valid_terms(words):
 
 def test_unusable_libraries_and_missing_data_are_refused():
     curve = curve_of(LAWS["neo-hookean"], [46e3])
-    with pytest.raises(ValueError, match="stiffness at rest"):
+    with pytest.raises(ValueError, match="adds to the initial shear modulus"):
         discover([], [curve], library=[Term.of("i1^2")])
     with pytest.raises(ValueError, match="twice"):
         discover([], [curve], library=[Term.of("i1"), Term.of("i1")])
