@@ -15,7 +15,10 @@ from benchmarks.tests_by_line import TestsByLine, record
 
 @pytest.fixture
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """The only file of code of a small project, whose test runs are replaced by prepared records of executed lines."""
+    """The only file of code of a small project, whose test runs are replaced by prepared records.
+
+    The name of a test file contains the lines that its test executes: `test_2_3.py` executes the lines 2 and 3.
+    """
     file = tmp_path / "eimi_lab" / "code.py"
     file.parent.mkdir()
     file.write_text("def act():\n    first = 1\n    second = 2\n    return first + second\n")

@@ -52,7 +52,7 @@ def show_frames(memory: int, bell: int, rig: str) -> None:
     memory : int
         File descriptor of the shared memory with the newest frame.
     bell : int
-        Reading end of a pipe. A byte in the pipe announces a new frame. The run closes the pipe at its end.
+        Reading end of a pipe. A byte in the pipe announces a new frame. The run closes the pipe when the run ends.
     rig : str
         The rig file.
     """

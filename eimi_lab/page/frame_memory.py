@@ -52,7 +52,7 @@ class NewestFrame:
 
 
 def new_memory() -> int:
-    """Create shared memory for `FrameMemory`, and return its file descriptor.
+    """Create the shared memory through which a `FrameMemory` passes frames, and return its file descriptor.
 
     The operating system frees the memory when the last process has closed its descriptor.
     """

@@ -1,7 +1,7 @@
 """Draw each panel of a report as soon as its contents are available.
 
-The order is: panels of the fits, panels of each dataset, panels of all datasets, panels of the intervals of errors.
-Panels are thus drawn while the workers still simulate. A panel is one section of the report.
+The order is: panels of the fits, panels of each dataset, panels of all datasets, panels that need the 95 % intervals of
+the errors. Panels are thus drawn while the workers still simulate. A panel is one section of the report.
 """
 
 from __future__ import annotations

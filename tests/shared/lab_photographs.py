@@ -78,8 +78,10 @@ def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -
 
     The verdicts are:
 
-    refused  no edges, or a flag of the severity "unusable" good     the error is at most the limit `WRONG` of this
-    module doubted  a larger error, and a flag of the severity "doubtful" silent   a larger error without such a flag
+    refused  no edges, or a flag of the severity "unusable"
+    good     the error is at most the limit `WRONG` of this module
+    doubted  a larger error, and a flag of the severity "doubtful"
+    silent   a larger error without such a flag
 
     The error is the root mean square of the errors of all edge points, divided by the width of the beam. In a picture
     without a beam, all edges are wrong. The error is NaN for such a picture and for refused edges.

@@ -238,7 +238,9 @@ class AimTtiDialect:
         self._error = number
 
     def _note_limits(self) -> None:
-        """Store in the limit event status register what limits the output, voltage or current, and whether it tripped.
+        """Store in the limit event status register whether voltage or current limits the output, and any trip.
+
+        A trip is the switching off of the output by a protection.
 
         The bit of a trip is set only at the first call after the trip.
         """

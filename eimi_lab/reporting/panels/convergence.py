@@ -1,4 +1,7 @@
-"""Show how the search of each fit converges: the smallest error against the generation."""
+"""Show how the search of each fit converges: the smallest error against the generation.
+
+A generation is a round of trial values of the parameters.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ _CAPTION = (
 
 
 def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
-    """Draw the smallest mean error of each search against the generation."""
+    """Draw the smallest mean error of each search against the generation (round of trial values of the parameters)."""
     drawing = Drawing(2.6, WIDTH_IN if len(fits) > _ABREAST else _NARROW_IN)
     axes = drawing.subplots()
     for shown in fits:

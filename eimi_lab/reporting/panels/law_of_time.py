@@ -1,6 +1,6 @@
 """Show a viscoelastic (Prony) law with its data: ring-downs (free vibrations) and creep.
 
-The figures show frequency and loss against amplitude, and the modulus against time.
+The figures show frequency and loss factor of the vibrations against their amplitude, and the modulus against time.
 """
 
 from __future__ import annotations

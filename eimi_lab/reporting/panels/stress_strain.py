@@ -104,7 +104,10 @@ def _origins(fits: Sequence[ShownFit]) -> list[str]:
 
 
 def _strains_of(shown: ShownFit, strain: Array, mode: Mode) -> Array:
-    """Return the strains at which the stress of a fit is drawn: `strain`, shape (n,), and the end of the fit's data."""
+    """Return the strains at which the stress of a fit is drawn.
+
+    These are the strains `strain`, shape (n,), and the largest strain in the data of the fit.
+    """
     end = reached(shown, mode)
     return np.union1d(strain, [end] if end < strain[-1] else [])
 

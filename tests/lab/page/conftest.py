@@ -63,7 +63,7 @@ class Served:
 
     @contextmanager
     def socket(self, introduced: bool = True) -> Iterator[ClientConnection]:
-        """Open a WebSocket of the page; its first message is the token if `introduced` is True."""
+        """Open a WebSocket of the page; if `introduced`, its first message is the token, the secret of the page."""
         with connect(f"ws://{self.host}/live", origin=f"http://{self.host}", proxy=None) as connection:
             if introduced:
                 connection.send(json.dumps({"token": TOKEN}))
