@@ -48,7 +48,7 @@ class DrawnPanels:
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels (sections) that need all datasets, except the panels that need the intervals of errors."""
+        """Draw the panels (sections) that need all datasets, but not the 95 % intervals of the errors."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:

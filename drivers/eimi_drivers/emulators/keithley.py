@@ -56,7 +56,7 @@ class Keithley2200Dialect(ScpiDialect):
 
 
 class Keithley2260BDialect(ScpiDialect):
-    """Emulated Keithley 2260B, whose protection levels must be at least a tenth of the rated values."""
+    """Emulated Keithley 2260B, whose protections cannot be set below a tenth of the rated voltage or current."""
 
     identification = "KEITHLEY,2260B-30-72,EMULATED,01.72.20150702"
 

@@ -60,7 +60,7 @@ class KeysightE36312ADialect(_SeveralChannels):
 
 
 class KeysightE364xDialect(ScpiDialect):
-    """Emulated E364x, which has an over-voltage protection with a level and no over-current protection."""
+    """Emulated E364x, which has an over-voltage protection with a trip level (V), and no over-current protection."""
 
     identification = "Agilent Technologies,E3640A,0,1.7-5.0-1.0"
     serial_line_begins_local = True  # assumed to be as on the E3631A
@@ -81,7 +81,7 @@ class KeysightE364xDialect(ScpiDialect):
 
 
 class KeysightE3632ADialect(KeysightE364xDialect):
-    """Emulated E3632A, which has an over-voltage and an over-current protection, each with a level."""
+    """Emulated E3632A, which has an over-voltage and an over-current protection, each with a trip level (V or A)."""
 
     identification = "HEWLETT-PACKARD,E3632A,0,1.1-5.0-1.0"
 

@@ -217,7 +217,7 @@ class CoilSupply:
     def set_trip_levels(self, *, current_A: float | None = None, voltage_V: float | None = None) -> bool:
         """Set the current (A) and the voltage (V) above which a protection switches the output off, and return True.
 
-        None leaves a level unchanged. If the supply is locked because a person uses the front panel, nothing changes
+        None leaves a value unchanged. If the supply is locked because a person uses the front panel, nothing changes
         and the result is False.
         """
         state = self.state
@@ -267,7 +267,7 @@ class CoilSupply:
     def output_on(self) -> bool:
         """Return whether the output is on, after the protections have been checked.
 
-        If the level of a protection is exceeded, this check switches the output off.
+        If the voltage or the current exceeds the trip level of a protection, this check switches the output off.
         """
         self._protect()
         return self.state.output

@@ -1,4 +1,4 @@
-"""Emulate a protection of a supply that has a level and a switch."""
+"""Emulate a protection of a supply; the protection has a threshold (its trip level) and an on-off switch."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from eimi_drivers.emulators.supply import CoilSupply
 
 
 class TripLevel:
-    """Protection that switches the output of an emulated supply off when its voltage or current exceeds a level.
+    """Protection that switches the output of an emulated supply off at a voltage or current above its trip level.
 
     Parameters
     ----------
     supply : CoilSupply
         The model of the supply and its coil.
     quantity : "voltage_V" or "current_A"
-        The quantity that is compared with the level.
+        The quantity that is compared with the trip level.
     level : float
-        The level after power-up, V or A.
+        The trip level (threshold) after power-up, V or A.
     highest : float
-        The highest level that the supply accepts, V or A.
+        The highest trip level that the supply accepts, V or A.
     on : bool
         True if the protection is on after power-up.
     """
@@ -38,7 +38,7 @@ class TripLevel:
         self.apply(level, on)
 
     def apply(self, level: float, on: bool) -> bool:
-        """Set the level (V or A) and the switch of the protection, and return whether both were accepted.
+        """Set the trip level (V or A) and the switch of the protection, and return whether both were accepted.
 
         The result is False, and nothing changes, if the level is out of range or a person uses the front panel.
         """
@@ -50,7 +50,7 @@ class TripLevel:
         return accepted
 
     def set_level(self, level: float) -> bool:
-        """Set the level (V or A), and return whether the supply accepted the level. The switch stays unchanged."""
+        """Set the trip level (V or A), and return whether the supply accepted it. The on-off switch stays unchanged."""
         return self.apply(level, self.on)
 
     def switch(self, on: bool) -> bool:

@@ -6,7 +6,7 @@ conversation    queries over the line, the form of the answers, and the identity
 values          convert set-points to text, and answers to numbers or lines of text
 recognised      find the driver of a supply from its identification text
 identity        find the serial number in an identification text
-protections     the levels of the protections inside a supply, and what they do if the connection is lost
+protections     the trip levels of the protections inside a supply, and what they do if the connection is lost
 off             switch off in stages, and measure the current until the coil is off
 korad           Korad supplies and their relabelled versions
 genesys         TDK-Lambda Genesys over a serial line

@@ -80,7 +80,7 @@ class Series:
     range : str
         The query for the range of an output. Empty if the series has only one range.
     switches_protections : bool
-        True if a protection must be switched on (``OVP1 ON``) in addition to setting its level.
+        True if a protection must be switched on (``OVP1 ON``) in addition to setting its trip level (its threshold).
     """
 
     trips: Mapping[int, str]

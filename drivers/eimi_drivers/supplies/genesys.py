@@ -189,11 +189,11 @@ class GenesysSupply(SupplyBase):
             raise self._not_understood("FLD?", reply, "OFF")
 
     def _ovp_V(self) -> float:
-        """Return the level (V) at which the over-voltage protection is set.
+        """Return the trip level (V) to which the driver sets the over-voltage protection.
 
-        The supply refuses a level that is less than 5 % of the rated voltage above the set-point (error E04). The level
-        is therefore `PROTECTION_MARGIN` times the voltage limit, or the voltage limit plus 5.1 % of the rated voltage,
-        whichever is larger.
+        The supply refuses a trip level that is less than 5 % of the rated voltage above the set-point (error E04). The
+        trip level is therefore `PROTECTION_MARGIN` times the voltage limit, or the voltage limit plus 5.1 % of the
+        rated voltage, whichever is larger.
         """
         identity = self._model()
         rating = _RATING.search(identity)

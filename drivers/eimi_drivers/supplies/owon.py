@@ -1,9 +1,9 @@
 """Drive Owon SPE supplies (also sold as Kiprim DC) over their USB serial port, 115200 baud.
 
 Sources: the driver owon-psu, version 0.0.6, and the list of commands of another project for the Multicomp Pro MP711135,
-which is the same supply. The manual was not available. ``VOLT:LIM`` and ``CURR:LIM`` are the levels of the over-voltage
-and the over-current protection. The supply has no error queue. The answer to a message that the supply does not
-understand is ERR.
+which is the same supply. The manual was not available. ``VOLT:LIM`` and ``CURR:LIM`` are the trip levels of the
+over-voltage and the over-current protection. The supply has no error queue. The answer to a message that the supply
+does not understand is ERR.
 """
 
 from __future__ import annotations

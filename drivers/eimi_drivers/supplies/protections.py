@@ -1,4 +1,4 @@
-"""The protections inside a supply: their levels, and what they do without contact to this program."""
+"""The protections inside a supply: their trip levels, and what they do without contact to this program."""
 
 from eimi_drivers.interfaces import SetPointNotTaken
 
@@ -22,10 +22,11 @@ def armed_in_words(protections: str) -> str:
 
 
 def check_level(address: str, question: str, level: float, limit: float, answer: float) -> None:
-    """Raise SetPointNotTaken if the level of a protection in the supply differs too much from the level sent.
+    """Raise SetPointNotTaken if the trip level of a protection differs too much from the level that was sent.
 
-    A supply may round the level, so that a difference of 0.1 · `limit` is allowed. The level sent is usually 1.1 ·
-    `limit` (see `PROTECTION_MARGIN`). The level in the supply is then between 1 and 1.2 times `limit`.
+    The trip level is the current or voltage above which the protection switches the output off. A supply may round it,
+    so that a difference of 0.1 · `limit` is allowed. The level that was sent is usually 1.1 · `limit` (see
+    `PROTECTION_MARGIN`). The level in the supply is then between 1 and 1.2 times `limit`.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def drawn_convergence(fits: Sequence[ShownFit]) -> Drawing:
 
 
 def table_of_searches(fits: Sequence[ShownFit]) -> Table:
-    """Return a table with a row for the search of each fit."""
+    """Return a table with a row for each fit: its search, the discarded trial values, the errors, and the duration."""
     rows = [
         (
             shown.label,

@@ -1,4 +1,4 @@
-"""Compare the stretch up to which each law is stable with the largest stretch in its data."""
+"""Compare the stretch up to which each law is stable (by Drucker's criterion) with the largest stretch in its data."""
 
 from __future__ import annotations
 
