@@ -91,8 +91,9 @@ class Profile:
         Messages that arm (switch on) the protections inside the supply, which are sent before `on`.
     armed : tuple of (str, str)
         Queries that verify the protections, each with the trip level or the state of the switch (0 or 1) that the
-        supply must answer. If the answer has two parts,
-    such as ``13.2,ON``, the first part is the trip level and the second part must be ON. protections : str
+        supply must answer. If the answer has two parts, such as ``13.2,ON``, the first part is the trip level and the
+        second part must be ON.
+    protections : str
         A description of the armed protections for the user.
     on, off : tuple of str
         Messages that switch the output on and off, each in the order in which the messages are sent.
