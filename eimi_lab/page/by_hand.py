@@ -219,7 +219,7 @@ def _current(name: str, text: Any) -> str:
 
 
 def dataset_of(path: Path, specimen: str, target: Path, replace: bool) -> int:
-    """Make a dataset from the images of a folder, and return the number of its states.
+    """Make a dataset from the images of a folder, and return the number of its states (load steps).
 
     Parameters
     ----------

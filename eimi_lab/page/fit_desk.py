@@ -140,7 +140,10 @@ class FitDesk:
                 self._process.terminate()
 
     async def _fit(self, dataset: Path, fitting: Fitting) -> None:
-        """Run the fit and write the report of the fit. At the end, also after an error, send the phase to all tabs."""
+        """Run the fit and write the report of the fit.
+
+        At the end, also after an error, send the phase of the fit to all open tabs of the web page.
+        """
         log = dataset.with_suffix(LOG)
         done = False
         try:

@@ -116,7 +116,7 @@ class Tabs:
         return answer
 
     def any_open(self) -> bool:
-        """Return whether any tab is open."""
+        """Return whether any tab of the web page is open."""
         return bool(self._open)
 
     def changed(self) -> None:
@@ -126,7 +126,7 @@ class Tabs:
             tab.wake.set()
 
     def show(self, about: dict[str, Any], picture: bytes) -> None:
-        """Send a frame, or the edges of a frame, to every tab.
+        """Send a frame, or the edges of a frame, to every open tab of the web page.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Tabs:
             tab.wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
-        """Exchange messages with one tab over its WebSocket until the tab closes the WebSocket."""
+        """Exchange messages with one tab of the web page over its WebSocket until the tab closes the WebSocket."""
         await socket.accept()
         if len(self._open) >= MOST_TABS:
             await socket.close(

@@ -1,4 +1,4 @@
-"""Cut the frames of a dataset to the region that the beam reaches, and choose states to show."""
+"""Cut the frames of a dataset to the region that the beam reaches, and choose states (load steps) to show."""
 
 from __future__ import annotations
 
@@ -63,7 +63,10 @@ def frame_of(contents: DatasetContents) -> BeamFrame:
 
 
 def crop_of(contents: DatasetContents) -> Crop:
-    """Return the rectangle around the measured edges of all states; the whole frame if no edge was measured."""
+    """Return the rectangle around the measured edges of all states (load steps).
+
+    The result is the whole frame if no edge was measured.
+    """
     (height, width, *_), _ = contents.dataset.frame_format()
     frame = frame_of(contents)
     edges_mm = [edge.points_mm for pair in contents.dataset.edges() or () for edge in (pair.left, pair.right)]

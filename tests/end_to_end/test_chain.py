@@ -31,7 +31,7 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Write a copy of the shipped virtual rig with another hidden material; return the path of the rig file.
+    """Write a copy of the program's virtual rig with another hidden material; return the path of the rig file.
 
     The commands under test do not know the material. model, parameters: its law, and the parameters of the law as TOML.
     """

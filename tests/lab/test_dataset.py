@@ -1,4 +1,4 @@
-"""The states of a dataset are read as they were written, also from a file that was never closed."""
+"""The states (load steps) of a dataset are read as they were written, also from a file that was never closed."""
 
 from __future__ import annotations
 

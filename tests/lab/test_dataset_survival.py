@@ -1,4 +1,4 @@
-"""Stored states survive when the disk is full, the folder refuses files, or another program has the file open."""
+"""Stored states (load steps) survive a full disk, a folder that refuses files, and a file that is open elsewhere."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_full_disk_costs_no_stored_state(files: Path, size: int, settling: int
 
 
 def crashed(files: Path) -> Path:
-    """Return the path of a dataset that its writer never closed, with at least two states."""
+    """Return the path of a dataset that its writer never closed, with at least two states (load steps)."""
     assert write_until_full(files, 70_000)[0] > 1
     return files / "run.h5"
 

@@ -39,7 +39,9 @@ section = "plane-strain"
 
 
 def write_points(folder: Path, change=lambda places: places) -> None:
-    """Write states.csv, points.csv and strip.toml of a horizontal strip of 46 kPa under three tip forces.
+    """Write states.csv, points.csv and strip.toml of a horizontal silicone strip under three tip forces.
+
+    The shear modulus of the strip is 46 kPa.
 
     change: function that alters the coordinates of the points, shape (3, 9, 2): states, points, x and y in mm.
     """
@@ -103,7 +105,7 @@ def test_fits_json_contains_a_tensile_curve_and_a_freed_roll_angle(tmp_path: Pat
 
 
 def curve_of_46_kPa(unit: str) -> str:
-    """Return a tensile curve as CSV text: stresses in kPa of a material of 46 kPa, with `unit` in the header."""
+    """Return a tensile curve as CSV text: stresses in kPa for the shear modulus 46 kPa, with `unit` in the header."""
     rows = [f"{e},{46 * (1 + e - (1 + e) ** -2) + 0.3 * (-1) ** k}" for k, e in enumerate(np.linspace(0.01, 0.5, 40))]
     return "\n".join([f"strain,stress_{unit}", *rows]) + "\n"
 

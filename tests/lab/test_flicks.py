@@ -1,4 +1,4 @@
-"""A recording of a strip is divided into ring-downs (free vibrations) at each new flick, and nowhere else."""
+"""A recording of a vibrating silicone strip is divided into ring-downs (free vibrations), one for each flick."""
 
 from __future__ import annotations
 

@@ -23,7 +23,10 @@ WARD = Ward("korad", "COM3", 1.5, 12.0, off_below_A=0.03)
 
 
 class Process:
-    """A replacement for the guardian process. The test reads the messages of the run, and writes the answers."""
+    """A replacement for the guardian, the process that switches the coil off if a run dies.
+
+    The test reads the messages of the run, and writes the answers.
+    """
 
     def __init__(self) -> None:
         heard, to = os.pipe()

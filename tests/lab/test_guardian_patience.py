@@ -121,7 +121,8 @@ class Run:
         """Send messages of a run to its guardian; return why the guardian takes over, for which supply, and when (s).
 
         Each message has its time (s) from the beginning, and an empty message is the end of the run. If the run ended
-        with the coil off, the guardian does not take over, and the reason is None.
+        with the coil off, the guardian does not take over, and the reason is None. The guardian is the process that
+        switches the coil off if the run dies.
         """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)

@@ -1,4 +1,4 @@
-"""Ring-downs (free vibrations) are imported from rendered videos of a horizontal strip that was flicked."""
+"""Ring-downs (free vibrations) are imported from rendered videos of a horizontal silicone strip that was flicked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """A folder with the specimen and the calibration of the strip."""
+    """A folder with the specimen file and the calibration file of the strip in the videos."""
     (tmp_path / "strip.toml").write_text(to_toml(STRIP))
     (tmp_path / "level.toml").write_text(to_toml(LEVEL))
     return tmp_path

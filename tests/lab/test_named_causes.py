@@ -41,9 +41,9 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """Return the coordinates (x, y) in mm of six points on a beam of 46 kPa in three fields, shape (3, 6, 2).
+    """Return the coordinates (x, y) in mm of six points on a beam in three fields, shape (3, 6, 2).
 
-    gravity_deg: direction of gravity in the beam frame, None without gravity.
+    The shear modulus of the beam is 46 kPa. gravity_deg: direction of gravity in the beam frame, None without gravity.
     """
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()

@@ -1,6 +1,7 @@
 """A run opens lock, guardian, supply, sensors and camera of a bench in this order, and closes them in reverse order.
 
-The tests use replacements for the instruments. A replacement records the calls of its methods.
+The guardian is the process that switches the coil off if the run dies. The tests use replacements for the instruments,
+which record the calls of their methods.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ class Instrument:
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A rig with two sensors, in which the lock, the guardian, the supply and the sensors are replaced.
 
-    done: the calls of the replacements in their order. given: the arguments of each call, by the name of the
-    replacement. A test sets `missing` to the name of an instrument that cannot be opened, and `broken` to the name of
-    an instrument that cannot be closed.
+    The guardian is the process that switches the coil off if a run dies. done: the calls of the replacements in their
+    order. given: the arguments of each call, by the name of the replacement. A test sets `missing` to the name of an
+    instrument that cannot be opened, and `broken` to the name of an instrument that cannot be closed.
     """
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 

@@ -31,7 +31,7 @@ ARGUMENTS = ("dragon_skin_10_quick", "--rig", "virtual")
 
 @pytest.fixture(scope="module")
 def fits(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results file of a fit of the neo-Hookean law to a strip under two weights."""
+    """The results file of a fit of the neo-Hookean law to a silicone strip under two weights."""
     strip = Specimen(30.0, 3.0, 10.0, 1070.0, "plane-stress")
     model, loads = BeamModel(strip), Loads.along([0.0, 0.0], gravity_angle_deg=90.0, tip_force_N=[0.001, 0.002])
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])

@@ -33,7 +33,7 @@ FIELD_MT = np.array([0.0, 1.5, 3.0, 4.5])
 
 
 def stated(**keys: str) -> SpecimenFile:
-    """Return the shipped specimen "type1" (of Di Lecce et al.) with other values of the given keys of [specimen]."""
+    """Return the specimen "type1", which is shipped with the program, with other values of the keys of [specimen]."""
     text = "\n".join(line for line in TYPE1.text.splitlines() if line.partition(" ")[0] not in keys)
     for key, value in keys.items():
         text = text.replace("[specimen]", f"[specimen]\n{key} = {value}", 1)

@@ -32,7 +32,10 @@ OFF = Off(0.004, 0.02)
 
 
 class Part:
-    """A replacement for coil or guardian. It records the calls of its methods, which raise the errors in `errors`."""
+    """A replacement for a coil, or for the guardian process that switches the coil off if a run dies.
+
+    It records the calls of its methods, which raise the errors in `errors`.
+    """
 
     def __init__(self, done: list[Any], **answers: Any) -> None:
         self.done, self.answers = done, answers

@@ -1,6 +1,6 @@
 """The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused.
 
-A virtual bench has the field that its files give, and also the hidden differences from its files.
+A virtual bench has the field that its files give, and also the differences from this field that are hidden from a fit.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ SERIES = Prony(np.array([[0.08, 0.1]]), np.array([[0.03, 3.0]]))
 
 @pytest.fixture(scope="module")
 def flick() -> tuple[str, float, float]:
-    """A ring-down of a horizontal strip as CSV text, and the true storage modulus (Pa) and loss factor of the strip.
+    """A ring-down of a horizontal silicone strip as CSV text, and the strip's storage modulus (Pa) and loss factor.
 
     A ring-down is a free vibration. Storage modulus and loss factor belong to the frequency of this vibration.
     """

@@ -28,7 +28,7 @@ def specimen() -> SpecimenFile:
 
 
 def rig(seed: int = 1, **of_calibration: Any) -> Rig:
-    """Return the shipped virtual rig with a coarse mesh and small frames.
+    """Return the program's own virtual rig with a coarse mesh and small frames.
 
     of_calibration: values that replace values of the calibration.
     """

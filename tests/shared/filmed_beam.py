@@ -1,4 +1,4 @@
-"""Render films of a horizontal strip that swings after a flick, with the shutter and the perspective of a phone."""
+"""Render films of a horizontal silicone strip that swings after a flick, with shutter and perspective of a phone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEVEL = Calibration(
 
 @dataclass(frozen=True)
 class Flick:
-    """A strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
+    """A silicone strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
 
     row_time_s: time between the readout of two rows of pixels (s). tilt: relative change of the scale from the left to
     the right side of the picture, because the phone is not parallel to the strip. size: (width, height) of the film in

@@ -35,7 +35,7 @@ PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 
 @cache
 def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """Return the beam model of a shipped specimen.
+    """Return the beam model of a specimen that is shipped with the program.
 
     kind: name of the specimen, for example "type1". solid: whether the model is three-dimensional instead of planar.
     """

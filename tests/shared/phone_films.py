@@ -1,4 +1,4 @@
-"""Simulate videos that a phone records of a horizontal strip after a flick; the law of the strip is known.
+"""Simulate videos that a phone records of a horizontal silicone strip after a flick; the law of the strip is known.
 
 The strip is a neo-Hookean solid with a Prony series. After a finger has pushed its tip down and released it, the strip
 vibrates in its first two modes about its sag at rest; the mesh of the strip is finer than the mesh of a fit. The camera
@@ -51,7 +51,7 @@ _PUSH_S, _STAY_S = 0.20, 0.25  # duration of the push, and time for which the fi
 
 @dataclass(frozen=True)
 class HiddenStrip:
-    """A strip with its viscoelastic (Prony) law, and its small vibrations about the shape at rest.
+    """A silicone strip with its viscoelastic (Prony) law, and its small vibrations about the shape at rest.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class HiddenStrip:
 
 @dataclass(frozen=True)
 class PhoneFilm:
-    """A video that a phone records of a strip.
+    """A video that a phone records of a vibrating silicone strip.
 
     Attributes
     ----------

@@ -331,9 +331,9 @@ def paint(picture: NDArray[np.float32], polygons: list[Array], colour: Array) ->
 
 
 def _strip(scene: PhoneScene, start: Array, end: Array, half_mm: float) -> Array:
-    """Return the four corners in px, shape (4, 2), of a thin strip between two points of the world frame.
+    """Return the four corners in px, shape (4, 2), of a narrow band between two points of the world frame.
 
-    half_mm: half of the width of the strip.
+    half_mm: half of the width of the band. The band becomes a drawn line, such as a thread.
     """
     along = (end - start)[:2] / np.linalg.norm((end - start)[:2])
     aside = half_mm * np.array([-along[1], along[0], 0.0])

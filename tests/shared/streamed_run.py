@@ -61,7 +61,10 @@ def streaming(width: int, height: int, rate_Hz: float) -> Iterator[TimedCamera]:
 
 
 def record(path: Path, width: int, height: int, rate_Hz: float, seconds: float) -> Streamed:
-    """Record a ring-down of `seconds` with frames from another process; compare each stored frame with its original."""
+    """Record a free vibration of `seconds` with frames from another process.
+
+    Each stored frame is compared with its original.
+    """
     clock = WallClock()
     coil = CoilSupply(clock, current_noise_A=0.0005)
     supply = KoradSupply(InProcessTransport(KoradDialect(coil), clock), Limits(1.0, 10.0), clock)

@@ -56,7 +56,7 @@ NORMAL = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """One simulated experiment; its number, from 0, selects law, noise, specimen and section (planar or solid).
+    """One simulated experiment; its number, from 0, selects law, noise, specimen and beam model (planar or solid).
 
     is_usual: whether the experiment is a planar neo-Hookean beam with the usual standard uncertainty of every uncertain
     input (`usual`). Otherwise the standard uncertainties are those in the files of the example bench (`stated`).

@@ -142,8 +142,8 @@ class GenesysDialect:
         """Store a set-point, and return ``OK`` or the number of an error.
 
         An error means that the value is out of range or in conflict with another set-point (Genesys user manual,
-        programming errors). `header` is PV (voltage, V), PC (current, A), OVP or UVL (the highest and the lowest
-        voltage set-point that the protections permit, V).
+        programming errors). `header` is PV (voltage, V), PC (current, A), OVP (trip level of the over-voltage
+        protection, V) or UVL (lowest permitted voltage set-point, V).
         """
         supply, set_V = self.supply, self.supply.state.set_voltage_V
         if header == "PV" and value > min(1.05 * supply.max_voltage_V, 0.95 * self.ovp_V):

@@ -1,4 +1,4 @@
-"""Show the possible causes of the residuals of the best fits, with their probabilities."""
+"""Show the possible causes of the residuals of the best fits, such as a tilted camera, with their probabilities."""
 
 from __future__ import annotations
 

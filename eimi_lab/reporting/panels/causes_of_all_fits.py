@@ -1,4 +1,4 @@
-"""Show the possible causes of the residuals, for all fits except those on the first pages of the report."""
+"""Show the possible causes of the residuals, such as a tilted camera, for all fits that are not on the first pages."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _FLAG_CHARACTERS = 17
 
 
 def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Drawing:
-    """Draw thumbnails of the first frames of a dataset's states, in the order of the states.
+    """Draw thumbnails of the first frames of a dataset's states (load steps), in their order.
 
     The unit of the axes is the width of a thumbnail.
     """
@@ -70,7 +70,7 @@ def contact_sheet(contents: DatasetContents, flags: dict[int, list[Flag]]) -> Dr
 
 
 def shown_states(contents: DatasetContents) -> tuple[State, ...]:
-    """Return all states of a dataset or, if there are very many, some evenly spaced states."""
+    """Return all states (load steps) of a dataset or, if there are very many, some evenly spaced states."""
     states = contents.dataset.states
     return states[:: -(-len(states) // _MOST)]
 
@@ -103,7 +103,7 @@ def flags_of(contents: DatasetContents) -> dict[int, list[Flag]]:
 def table_of_flags(flags: dict[int, list[Flag]]) -> Table | None:
     """Return a table of the flags (defects) of a dataset; None without flags.
 
-    For each flag the table gives the states, the value farthest from the limit, and the remedy.
+    For each flag the table gives the states (load steps), the value farthest from the limit, and the remedy.
     """
     by_name: dict[str, list[tuple[int, Flag]]] = {}
     for index, flags_of_state in flags.items():

@@ -58,7 +58,7 @@ def _draw(
     crop: Crop,
     points: int | None,
 ) -> None:
-    """Draw a frame of a state, with the measured edges and, if there is a simulation, the simulated edges.
+    """Draw a frame of a state (load step), with the measured edges and, if there is a simulation, the simulated edges.
 
     `k` is the index of the state among the states that the fit uses. `points` is the number of measured points that are
     drawn on each edge; None draws all points.

@@ -58,7 +58,10 @@ def table_of_laws(fits: Sequence[ShownFit], bending: bool) -> Table:
 
 
 def table_of_choice(choices: Sequence[Choice]) -> Table:
-    """Return a table that compares laws by information criteria and by the error on states left out of the fit."""
+    """Return a table that compares laws by information criteria and by the error on states left out of the fit.
+
+    A state is a load step of a dataset.
+    """
     head = ("law", "unknowns", "AICc", "BIC", "Akaike weight", "error on states left out, µm")
     rows = [
         (

@@ -1,4 +1,4 @@
-"""List the facts of a dataset: specimen, date, rig, protocol, camera, gravity and states."""
+"""List the facts of a dataset: specimen, date, rig, protocol, camera, gravity and states (load steps)."""
 
 from __future__ import annotations
 

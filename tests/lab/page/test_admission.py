@@ -137,9 +137,9 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """If the tab follows a link to another server on the same host, this server gets no token and no cookie.
+    """If the tab of the dashboard follows a link to another server on the same host, this server gets no token.
 
-    The other server may belong to another user of the computer.
+    It gets no cookie either. The other server may belong to another user of the computer.
     """
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()

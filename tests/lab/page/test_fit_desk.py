@@ -48,7 +48,7 @@ def test_a_fit_of_a_missing_file_or_law_is_refused(served: Any, requested: dict[
 
 
 def test_the_tab_shows_why_a_fit_failed(served: Any) -> None:
-    """The tab shows the last lines of a fit that has failed because no load bends the beam of the dataset.
+    """The dashboard's tab shows the last lines of a fit that has failed because no load bends the beam of the dataset.
 
     The fit stores edges in the dataset, so that the test uses a copy of the dataset.
     """

@@ -1,4 +1,7 @@
-"""A user gets from the live view over a run to its fit, on the screen of a phone and with the keyboard alone."""
+"""A user gets from the live picture of the camera through a run to its fit, with the keyboard alone.
+
+The page also works on the screen of a phone.
+"""
 
 from __future__ import annotations
 

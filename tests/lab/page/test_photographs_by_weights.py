@@ -1,4 +1,4 @@
-"""The view "Weights and a phone" gives the right answers about photographs, and writes the right files beside them."""
+"""The dashboard's view "Weights and a phone" answers rightly about photographs, and writes the right files."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def logged() -> Iterator[list[str]]:
 
 
 def without_tabs(served: Any) -> None:
-    """Wait until the server has noticed that the last tab was closed."""
+    """Wait until the server has noticed that the last tab of the dashboard was closed."""
     with served.socket() as socket:
         while '"tabs": 1' not in socket.recv(timeout=PATIENCE_S):
             pass

@@ -19,7 +19,7 @@ from tests.patience import PATIENCE_S
 
 
 class Socket:
-    """A replacement for a WebSocket: the test takes the place of the tab."""
+    """A replacement for a WebSocket: the test takes the place of a tab of the dashboard in a browser."""
 
     def __init__(self) -> None:
         self.accepted, self.closed = False, ()
@@ -65,7 +65,10 @@ def run(test: Callable[[], Awaitable[None]]) -> None:
 
 
 def test_a_frame_is_sent_after_the_frame_before_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tab gets a frame only after it has shown the frame before; of the frames since then, it gets the newest."""
+    """A tab of the dashboard gets a frame only after it has shown the frame before.
+
+    Of the frames since then, it gets the newest.
+    """
     monkeypatch.setattr(tabs_module, "time", SimpleNamespace(monotonic=lambda: 105.0))
 
     async def test() -> None:

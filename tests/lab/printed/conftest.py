@@ -40,7 +40,7 @@ MODULUS = Quantity(50e3, "Pa", (40e3, 65e3), (49e3, 52e3))
 
 @pytest.fixture(scope="session")
 def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    """The data of a fit: simulated tracked points of a beam of 50 kPa in three fields."""
+    """The data of a fit: simulated tracked points of a beam with the shear modulus 50 kPa in three fields."""
     path = tmp_path_factory.mktemp("printed") / "beam.h5"
     text = load_specimen("type1").text.replace('section = "solid"', 'section = "plane-stress"')
     specimen = parse(SpecimenFile, text, "type1")
