@@ -81,6 +81,18 @@ def test_a_study_continues_with_its_stored_parts(short):
     assert again.tensile == findings.tensile
 
 
+def test_the_command_continues_a_study_and_writes_its_page(short, run, monkeypatch):
+    folder, _, _ = short
+    before = {file.name: file.stat().st_mtime_ns for file in (folder / "parts").glob("*.json")}
+    (folder / "study.md").unlink(missing_ok=True)
+    monkeypatch.setattr("eimi_lab.study.extent.QUICK", SHORT)
+    status, message = run("study", "--quick", "-o", folder)
+    assert status == 0, message
+    assert f"study {steps(SHORT)}/{steps(SHORT)}: " in message
+    assert {file.name: file.stat().st_mtime_ns for file in (folder / "parts").glob("*.json")} == before
+    assert (folder / "study.md").stat().st_size > 5000
+
+
 def test_a_folder_with_another_study_is_refused(short):
     folder, _, _ = short
     with pytest.raises(InputError, match="other inputs"):
