@@ -1,4 +1,4 @@
-"""Tests in the background, where processes ignore Ctrl-C and hang-up from the start, restore these signals."""
+"""Tests that run in the background react to Ctrl-C and hang-up, which a process in the background ignores at first."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
 The page is the live web page of `eimi dashboard`. The token is a random text that the page needs for every request.
 
-Two others might try to receive data from the page: a page of another site that is open in the same browser, and another
-user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if all of
-these conditions are fulfilled:
+Two other parties might try to receive data from the page: a page of another site that is open in the same browser, and
+another user of the same computer, who can connect to every port of 127.0.0.1. A request is therefore answered only if
+all of these conditions are fulfilled:
 
 - Its Host is a name of this page. (Under DNS rebinding, a foreign name resolves to this computer.)
 - It carries the token in the header `X-Eimi-Token`, which a browser never adds to a request of another page.

@@ -176,7 +176,7 @@ class Tabs:
             self.changed()
 
     def _handle(self, tab: Tab, message: Any) -> None:
-        """Handle a message of a tab: a request to take control, or the report that the tab has shown a frame.
+        """Handle a message of a tab of the web page: a request to take control, or the report that a frame was shown.
 
         Raises TypeError if the message is not a JSON object.
         """

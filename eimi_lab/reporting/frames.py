@@ -21,7 +21,7 @@ _MARGIN = 0.06  # around the region that the beam reaches, as a fraction of the 
 
 @dataclass(frozen=True)
 class Crop:
-    """A rectangle of the frames, in pixels. It contains the beam in every state."""
+    """A rectangle of the frames, in pixels. It contains the beam in every state (load step)."""
 
     left: int
     top: int

@@ -111,7 +111,7 @@ def number_in_reply(reply: bytes, driver: str) -> float:
 
 
 def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
-    """Call every method of a driver on a line with damaged replies, and check the results.
+    """Call every method of a driver on a line (connection) with damaged replies, and check the results.
 
     Parameters
     ----------

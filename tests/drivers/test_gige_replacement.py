@@ -193,7 +193,7 @@ class Line:
 
 
 class Process:
-    """A process that ends when it is joined, unless it hangs."""
+    """A replacement for a process: it ends as soon as it is joined, or never if `hangs` is true."""
 
     def __init__(self, hangs: bool = False, exitcode: int | None = None) -> None:
         self.hangs, self.exitcode = hangs, exitcode
@@ -299,10 +299,10 @@ def default_interrupt() -> Iterator[None]:
 
 @pytest.fixture
 def serving(monkeypatch: pytest.MonkeyPatch, default_interrupt: None) -> SimpleNamespace:
-    """A replacement for the emulated camera in its process; the tested function of this process serves it.
+    """Replace the function that serves an emulated camera, and return an object that records how it was called.
 
-    The attribute `given` records the arguments with which the camera is served, and `lost` the requests to lose
-    packets.
+    The tests call `_serve`, which runs in the process of a camera and calls the replaced function. The attribute
+    `given` records the arguments of that call, and `lost` the requests to lose packets.
     """
     camera = SimpleNamespace(failure=None, lost=[], given=())
 

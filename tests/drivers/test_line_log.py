@@ -23,7 +23,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """A line that returns prepared answers one after the other; an exception among the answers is raised."""
+    """A connection that returns prepared answers one after the other; an exception among the answers is raised."""
 
     address = "/dev/ttyX"
 

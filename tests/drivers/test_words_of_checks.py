@@ -93,7 +93,7 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def complains_while(on: bool) -> Callable[..., None]:
-    """Return a method `check` of a faulty driver, which raises an error if the output is `on` (or if it is off)."""
+    """Return a method `check` for a faulty driver: it raises an error while the output is on (off, if not `on`)."""
 
     def check(self: Any) -> None:
         Scpi.check(self)

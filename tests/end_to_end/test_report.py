@@ -232,7 +232,7 @@ def test_the_references_agree_with_the_citation_file() -> None:
 def test_one_new_file_adds_a_panel_to_the_report(
     done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The panel (part of a report) in CONTRIBUTING.md appears as soon as its file is in a folder of panels."""
+    """The example of a panel (part of a report) in CONTRIBUTING.md appears as soon as its file is in a folder."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")

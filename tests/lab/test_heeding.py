@@ -278,7 +278,8 @@ class Sensor:
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
     """Return a reader of sensors, its clock, and the list that collects its warnings and signs of life ("beat").
 
-    sensors: name, measured quantity and replacement of each sensor.
+    By a sign of life, a run shows its guardian process that it still works. sensors: name, measured quantity and
+    replacement of each sensor.
     """
     clock = SimulatedClock()
     told: list[str] = []

@@ -32,7 +32,8 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 class Emulated:
     """Emulated sensors of a bench, to which a test can add faults.
 
-    `line` and `quantity` contain the line and the measured quantity of each sensor by the name of the sensor.
+    `line` contains the emulated connection to each sensor, by the name of the sensor, and `quantity` its measured
+    quantity.
     """
 
     def __init__(self, setup: Any, *tables: str) -> None:

@@ -212,7 +212,7 @@ def test_a_dark_frame_is_dark(dark: int, fits: bool) -> None:
 
 
 def test_edges_are_removed_when_calibration_or_correction_images_change(files: Path, frame: Draw) -> None:
-    """A change of the calibration or of the correction images removes the edges at once.
+    """A change of the calibration or of the flat field (an image of the uneven light) removes the edges at once.
 
     The next segmentation may be interrupted, so that old edges would stay in the dataset.
     """

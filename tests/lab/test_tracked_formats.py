@@ -30,7 +30,10 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (x, y) of three points at rest and bent, shape (2, 3, 2), by the map in calibration.toml."""
+    """Return the pixels (x, y) of three points of a beam, first at rest and then bent, shape (2, 3, 2).
+
+    The scale and the clamp in calibration.toml determine the pixels.
+    """
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 

@@ -143,7 +143,7 @@ def test_units_in_a_dataset() -> None:
 
 
 def test_the_roots_of_a_clamped_beam_solve_its_equation() -> None:
-    """The roots of the modes of a clamped beam solve cos x cosh x = -1.
+    """The stored roots for the vibration modes of a beam that is clamped at one end solve cos x cosh x = -1.
 
     Source: Timoshenko, Vibration Problems in Engineering, section 54.
     """

@@ -294,7 +294,7 @@ def test_each_named_channel_has_its_own_colour() -> None:
 def test_the_given_colour_of_a_beam_is_in_the_order_red_green_blue() -> None:
     """The colour that a user gives for the beam is in the order red, green, blue.
 
-    In the projection for this colour, a red beam is brighter than its grey background.
+    In the grey picture that is computed for this colour, a red beam is brighter than its grey background.
     """
     image = plain()
     values = choose_projection([image], calibration_with(beam_colour=(170, 50, 40)), 3.0, 30.0).apply(image)

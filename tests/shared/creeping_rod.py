@@ -67,12 +67,15 @@ class CreepingRod:
         return self.rod.loads(z, derivatives, remaining, *self._loads(field_mT))
 
     def _tangent(self, z: Array, field_mT: float) -> Array:
-        """Return the derivatives of the generalised loads with respect to the n coordinates, shape (n, n)."""
+        """Return the derivatives of the loads on the rod with respect to the n coordinates of its shape, (n, n)."""
         ends = [self._force(z + e, field_mT) - self._force(z - e, field_mT) for e in _STEP * np.eye(len(z))]
         return np.stack(ends, axis=1) / (2 * _STEP)
 
     def _strain_derivatives(self, z: Array) -> Array:
-        """Return the derivatives of the n strains (`Rod.strain`) with respect to the n coordinates, shape (n, n)."""
+        """Return the derivatives of the n strains (`Rod.strain`) with respect to the n coordinates of the shape.
+
+        The result has the shape (n, n).
+        """
         return np.stack([self.rod.strain_rate(z, e) for e in np.eye(len(z))], axis=1)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:

@@ -160,7 +160,10 @@ class Picture:
 
 
 def pictures(group: str) -> Iterator[Picture]:
-    """Yield the pictures of a group, ``development`` or ``refusal``; yield no picture if the folder is missing."""
+    """Yield the pictures of a group; yield no picture if the folder of the pictures is missing.
+
+    The groups are ``development``, pictures of a beam, and ``refusal``, pictures without a beam.
+    """
     for folder in sorted((PICTURES / group).glob("*/")):
         image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
         if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:

@@ -1,4 +1,4 @@
-"""Emulate gaussmeters and other sensors: the measured quantity with noise, and the answers of each family."""
+"""Emulate gaussmeters and other sensors: the measured quantity with noise, and the answers of each sensor family."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The messages of each family of SCPI supplies. `eimi_drivers.supplies.profile` explains the fields."""
+"""The messages of each family of SCPI supplies, each as a `Profile`; its docstring explains the fields."""
 
 from __future__ import annotations
 

@@ -242,7 +242,7 @@ def _in_time(camera: Camera) -> Frame:
 
 
 def _grab_new(camera: Camera) -> Frame:
-    """Discard the frames that may still be stored from the time before the camera was disturbed; return the next."""
+    """Discard the frames that are left from before the camera was disturbed, and return the next frame."""
     for _ in range(STORED):
         _in_time(camera)
     return _in_time(camera)

@@ -29,7 +29,10 @@ NUMBERS = {
 
 @pytest.fixture
 def own(files: Path, frame: Callable[..., Any]) -> Path:
-    """A folder with three pictures of a drawn beam, whose alphabetical order differs from the order of the numbers."""
+    """A folder with three pictures of a drawn beam.
+
+    The alphabetical order of the file names differs from the order of the numbers in the names.
+    """
     folder = files / "own"
     folder.mkdir()
     for seed, name in enumerate(("p_2", "p_10", "p_11")):

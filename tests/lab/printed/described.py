@@ -37,7 +37,10 @@ _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def described(value: Any, name: str = "") -> Iterator[str]:
-    """Yield one line for each text, number and mark in a value; each line begins with the place of its part."""
+    """Yield one line for each text, number and graphical mark in a value of a panel.
+
+    Each line begins with the place of the text, number or mark in the value.
+    """
     if isinstance(value, Figure):
         yield from figure(value, name)
     elif isinstance(value, str | int | float | datetime) or value is None:
