@@ -2,7 +2,8 @@
 
     python -m benchmarks.camera_faults
 
-Each frame from the driver is compared with the picture that the emulated camera exposed under the number of the frame.
+The emulated camera numbers its exposures. Each frame that the driver delivers is compared with the picture of the
+exposure that has the number of the frame.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def vanished(what: str, serial_number: str | None) -> str:
 
 
 def rounded_region() -> str:
-    """Return a table row for a camera that rounds the requested region of the sensor."""
+    """Return a table row for a camera that rounds the height of the region (part of the sensor) that is asked for."""
     with gige_process(partial(pictures, SIZES_PX[0]), SIZES_PX[0], rows_step=16):
         try:
             open_camera("aravis", LOOPBACK, CameraSettings(region=(0, 0, 128, 90))).close()

@@ -21,9 +21,9 @@ Two simplifications make this number of experiments affordable:
   specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
   of the deflection, and the drawn values change the effect by a few hundredths.
 
-A row of the table is right under two conditions. First, 93 to 97 % of the intervals contain the true value; the share
-may be outside these limits by the statistical error that the number of experiments causes. Second, the intervals are at
-most 1.15 times as wide as 95 % coverage needs.
+The intervals of a row of the table are called right under two conditions. First, 93 to 97 % of the intervals contain
+the true value; the share may be outside these limits by the statistical error that the number of experiments causes.
+Second, the intervals are at most 1.15 times as wide as 95 % coverage needs.
 
 By chance, the drawn deviations can be smaller or larger than their uncertainties say. This alone makes the share larger
 or smaller than 95 %, and the column "drawn" shows this effect. For each experiment, the error of the modulus is

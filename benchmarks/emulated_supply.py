@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def _write_line(words: str) -> None:
-    """Write a line in one piece, because `print` writes its end separately and another thread can come between."""
+    """Write a line with its line break in one piece, so that the lines of two threads do not mix, as with `print`."""
     sys.stdout.write(f"{words}\n")
     sys.stdout.flush()
 

@@ -81,7 +81,7 @@ def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDA
 
 
 def _material(law: str, parameters: Array) -> tuple[Any, float]:
-    """Return FElupe's isochoric material (moduli in MPa) and its initial shear modulus (MPa).
+    """Return the isochoric material (moduli in MPa) by which FElupe models a law, and its initial shear modulus (MPa).
 
     Raises ValueError for a law other than "neo-hookean" and "ogden".
     """

@@ -43,7 +43,7 @@ _SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum"
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one place in a source file.
+    """A mistake that the generator can make: a change of one place in a source file.
 
     Attributes
     ----------
@@ -93,8 +93,9 @@ def changes(text: str) -> list[Change]:
 def _skipped(tree: ast.AST) -> set[int]:
     """Return the nodes of the syntax tree in which no mistake is made, as a set of their identities (`id`).
 
-    These nodes are annotations, decorators, f-strings, imports, assertions (also the argument `strict` of `zip`), some
-    calls such as `TypeVar`, and functions (`overload`) and blocks for type checkers, with everything inside them.
+    These nodes, with everything inside them, are imports, decorators, f-strings, assertions, the argument `strict` of
+    the function zip, the declarations of command-line options, and everything that only a type checker uses:
+    annotations, type variables, overloads, and blocks that do not run.
     """
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
@@ -238,7 +239,7 @@ def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
 
 
 def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) -> list[tuple[str, Change]]:
-    """Draw lines of the project without replacement, and one change of each drawn line.
+    """Draw lines of the code at random, each at most once; for each drawn line, draw a mistake that changes this line.
 
     Parameters
     ----------
@@ -255,7 +256,7 @@ def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) ->
     Returns
     -------
     list of (str, Change)
-        The path of each drawn file relative to ``project``, and the change of the line.
+        For each drawn line: the path of its file relative to ``project``, and the drawn mistake.
     """
     generator = random.Random(seed)
     lines: dict[tuple[str, int], list[Change]] = {}

@@ -50,7 +50,7 @@ SPECIMENS = {
 def noisy_edges(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
     """Simulate a solid, and return its edges in every state with normal noise of the standard deviation `sigma_mm`.
 
-    The solid follows the law with the name `law`, with the parameters in `HIDDEN`.
+    `law` is the name of the law of the solid. Its parameters are constants of the module, which the fit does not know.
     """
     model = SolidBeside(specimen, *MESH)
     shapes = model.solve(LAWS[law], np.array([HIDDEN[law]]), LOADS, tolerance_mm=1e-3)

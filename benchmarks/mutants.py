@@ -112,9 +112,10 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return the tests that run if none of `tests` catches the mistake: none for a listed mistake.
+        """Return the tests of the folder of the changed file, which run if no test in `tests` fails.
 
-        `project` is the folder of the project or of its copy. Tests that do not exist there are left out.
+        Only a generated mistake has such tests; for a mistake from a list, the result is empty. `project` is the
+        folder of the project or of its copy. Tests that do not exist there are left out.
         """
         if not self.is_generated:
             return []
@@ -167,7 +168,8 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
     A mistake is a deliberate change of one fragment of the code. Return the outcome and the last line of pytest's
     output. The outcome is "caught" if a test failed, "survived" if no test failed, and "broken" if pytest could not run
-    the tests. A test that fails without the mistake, too, does not catch a generated mistake; it is left out.
+    the tests. For a generated mistake, a test that also fails without the mistake does not count; the other tests are
+    then run without this test.
     """
     left_out: list[str] = []
     while True:
@@ -181,7 +183,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Try a mistake like `tried`; the options ``left_out`` of pytest deselect some tests."""
+    """Do the same as `tried`, but leave out the tests that the options ``left_out`` of pytest deselect."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")

@@ -54,7 +54,8 @@ def demonstration(folder: Path, *more: str) -> dict[str, Json]:
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
     """Simulate a measurement, fit the dataset, and return the results as JSON values.
 
-    The virtual specimen `specimen` has the material of `HIDDEN` with the name `hidden`. The files are in `folder`.
+    `specimen` is the name of a virtual specimen, and `hidden` the name of its material, whose parameters the fit does
+    not know. The files are in `folder`.
     """
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):

@@ -117,10 +117,10 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _reported_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages which said that the coil was off, although a current above a limit still flowed.
+    """Return the messages that called the coil off too early, while a current above a limit still flowed.
 
-    Below the limit a message may say that the coil is off. A message can contain the limit; otherwise the limit of the
-    last message that contained one applies, and before that the smallest limit of all families of supplies.
+    A run may call the coil off when the current is below a limit. Some messages state this limit ("off, below … A
+    measured"), which then also applies to the next messages. Before the first of them, `OFF_A` is the limit.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):

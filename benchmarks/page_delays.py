@@ -87,13 +87,13 @@ class TimedSupply(CoilSupply):
         return not self.state.output and abs(self.coil_current_A()) <= LEAST_OFF_A
 
     def switch(self, on: bool) -> bool:
-        """Switch the output, and record the time if this switches the supply off; return whether it obeyed."""
+        """Switch the output, and record the time if this switches the supply off; return whether the supply obeyed."""
         obeyed = super().switch(on)
         self._note(not on and not self._output_stays_on)
         return obeyed
 
     def set_current(self, current_A: float) -> bool:
-        """Set the current (A), and record the time if this switches the supply off; return whether it accepted."""
+        """Set the current (A), and record the time if this switches the supply off; return whether it was accepted."""
         accepted = super().set_current(current_A)
         self._note(current_A == 0 and self._output_stays_on)
         return accepted

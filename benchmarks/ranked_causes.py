@@ -118,7 +118,7 @@ class Ranked:
 
     @staticmethod
     def from_json(line: str) -> Ranked:
-        """Return the fit that `as_json` wrote."""
+        """Return the fit from a line of JSON that `as_json` returned."""
         stored = json.loads(line)
         doubted = stored.pop("doubted_percent")
         causes = tuple(Entry(**{**entry, "like": tuple(entry["like"])}) for entry in stored.pop("causes"))
@@ -177,8 +177,8 @@ class Ranked:
     def is_said(self) -> bool:
         """Whether the 95 % interval from all stated uncertainties contains the true modulus, or a doubt corrects it.
 
-        A doubt may give a range of changes of the modulus (`doubted_percent`). It corrects the interval if one of these
-        changes shifts the interval so that it contains the true modulus.
+        A doubt is a warning of the fit. It may give a range of changes of the modulus (`doubted_percent`). It corrects
+        the interval if one of these changes shifts the interval so that it contains the true modulus.
         """
         if self.holds or self.doubted_percent is None:
             return self.holds
@@ -208,8 +208,9 @@ class Ranked:
 def summary(results: Sequence[Ranked]) -> str:
     """Return lines of text that say how many fits found the true cause of their residuals.
 
-    Further lines count the fits that give a wrong cause a probability above 0.9, and the fits whose interval of the
-    modulus is right, if necessary after the change that a doubt (a warning of the fit) gives.
+    A cause is a property of the bench that differs from its files. Further lines count the fits that give a wrong
+    cause a probability above 0.9. The last line counts the fits whose interval contains the true modulus, either as it
+    is or after the change of the modulus that a doubt (a warning of the fit) gives.
     """
     counts = {
         "first": sum(one.is_first for one in results),
@@ -223,7 +224,11 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a table in Markdown with one row for each imperfection: ranks, errors, intervals, doubts."""
+    """Return a table in Markdown with one row for each imperfection of the bench.
+
+    The columns are the ranks of the true cause of the residuals, the errors and intervals of the modulus, and the
+    number of doubts (warnings of a fit).
+    """
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]

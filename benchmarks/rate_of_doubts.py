@@ -109,9 +109,10 @@ def drawn_values(seed: int) -> dict[str, float]:
 
 
 def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
-    """Return the causes of the residuals that a fit names with a wrong size.
+    """Return the names of the causes that a fit names wrongly: the bench has no such deviation, or one of another size.
 
-    ``values`` has the true size of each cause by its name.
+    A cause is a deviation of the bench from its files, such as a tilted camera, which explains the residuals of the
+    fit. ``values`` contains the true size of each deviation by the name of the cause.
     """
     names = []
     for entry in one.causes:
@@ -126,7 +127,8 @@ def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
 def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
     """Return lines of text that say how many fits name a cause of their residuals, name a wrong cause, or have a doubt.
 
-    ``values`` has, for each fit, the true size of each cause by its name.
+    A cause is a deviation of the bench from its files, and a doubt is a warning of the fit. ``values`` contains, for
+    each fit, the true size of each deviation by the name of the cause.
     """
 
     def has(one: Ranked, is_within_stated: bool) -> bool:

@@ -32,7 +32,8 @@ TRUTH = {
 def measured(model: str, seed: int) -> Experiment:
     """Simulate a beam, and return the experiment of a fit: the beam's noisy edges, its loads and its model.
 
-    The material follows the law `model` with the parameters in `TRUTH`. `seed` is the seed of the noise.
+    `model` is the name of the beam's law, whose true parameters are constants of the module. `seed` is the seed of the
+    noise.
     """
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)

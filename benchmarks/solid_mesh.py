@@ -31,7 +31,7 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
     """Return the rotation of the tip (degrees) of the planar model in plane stress in each of K fields, shape (K,).
 
-    The mesh has `along` x `across` elements. `factor` multiplies the modulus.
+    The mesh has `along` x `across` elements. `factor` multiplies the modulus, to see how the rotation depends on it.
     """
     model = BeamModel(replace(specimen, section="plane-stress"), along, across)
     return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]

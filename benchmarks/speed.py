@@ -107,7 +107,8 @@ def slope(points: list[tuple[int, float]]) -> float:
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
     """Draw the measured costs against the numbers of candidates, states and elements, each with a line of slope 1.
 
-    `curves` contains pairs (number, time in ms) for "candidates", "states" and "elements". `path` is the file to write.
+    A candidate is one set of parameters of a law, and a state is one load step. `curves` contains pairs (number, time
+    in ms) for "candidates", "states" and "elements". `path` is the file to write.
     """
     from matplotlib.figure import Figure
 

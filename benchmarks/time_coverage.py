@@ -154,8 +154,8 @@ def measured(
     """Return a virtual measurement of a material: recorded motions with noise, static states, and the moment.
 
     The moment is the true magnetic moment, divided by the nominal moment. If `is_whole` is true, the recordings show
-    vibrations and creep. Otherwise they show the creep alone, and frequency and loss of each vibration are stored in
-    the dictionary `REDUCED`.
+    vibrations and creep. Otherwise they show the creep alone, and frequency and loss of each vibration are kept aside
+    in a dictionary (`REDUCED`), from which the fit takes them.
     """
     at_rest = instantaneous_Pa * float(series.long_term)
     HIDDEN.append(np.log([at_rest, *(series.g / series.long_term), *series.tau_s, 1.0]))
@@ -201,8 +201,9 @@ HIDDEN: list[np.ndarray] = []
 def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
     """Return the vibration of a simulated recording from its known frequency and loss, so that no fit is needed.
 
-    A fit calls this function in place of `decay_of`, to save time. ``label`` is the name of the recording. The
-    vibration is used from an amplitude of 5 % of the beam's length down to 0.4 times the noise of a position.
+    A fit calls this function in place of `decay_of`, which would fit a vibration to the recording. This saves time.
+    ``label`` is the name of the recording. The vibration is used from an amplitude of 5 % of the beam's length down to
+    0.4 times the noise of a position.
     """
     mode = REDUCED[label]
     decays_per_s = -mode.rate.real
@@ -252,7 +253,10 @@ def reduced() -> Iterator[None]:
 
 
 class KeptTable(RingTable):
-    """A table of frequencies that computes the effects of uncertain inputs on the frequencies only once."""
+    """The frequencies of a beam for a range of moduli, from a table that several fits share.
+
+    The effects of uncertain inputs, such as the width, on the frequencies are computed at the first call and kept.
+    """
 
     def effects(self, sources: Any) -> Any:
         if not hasattr(self, "_effects"):
@@ -338,8 +342,8 @@ def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
     Returns
     -------
     dict
-        The seed, the number of terms, chi-square, the number of residuals, the doubts, the processor time in s, and
-        for each quantity the hidden value, the fitted value and its 95 % interval.
+        The seed, the number of terms, chi-square, the number of residuals, the doubts (warnings), the processor time
+        in s, and for each quantity the hidden value, the fitted value and its 95 % interval.
     """
     began, rng = time.process_time(), np.random.default_rng([seed, 31])
     instantaneous, series = drawn_material(rng)

@@ -137,7 +137,10 @@ def compressibility_remark(evidence: Evidence) -> str | None:
 
 
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
-    """Return the inputs that a fit assumes for a dataset, repeated for each of `candidates` sets of parameters."""
+    """Return the bulk modulus and the uncertain inputs with which a fitted law is simulated on a dataset.
+
+    The values are repeated for each of the `candidates` sets of parameters that are simulated together.
+    """
     if not isinstance(fit, FitRecord):
         return Assumptions()
     bulk = None

@@ -100,7 +100,7 @@ def _with(change: str, file: str, path: Path) -> str:
 
 
 def check_states(path: Path, experiment: Experiment, states: Sequence[State]) -> None:
-    """Check currents, magnet and field of a dataset. Raises InputError if no material could explain the states."""
+    """Check currents, magnet and field of a dataset. Raises InputError if no material could explain the data."""
     try:
         _check_currents(states)
         _check_magnet(path, experiment)

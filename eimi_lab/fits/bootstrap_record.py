@@ -30,7 +30,7 @@ class ReplicateRecord(Record):
 
     @staticmethod
     def of(fit: Fit, replicate: int) -> ReplicateRecord:
-        """Return the record of a fit to the bootstrap replicate with this number."""
+        """Return the record of a fit to the bootstrap replicate (random sample of the states) with this number."""
         return ReplicateRecord(
             replicate=replicate,
             parameters={name: quantity.value for name, quantity in fit.parameters.items()},
@@ -59,7 +59,10 @@ class BootstrapRecord(Record):
 
     @staticmethod
     def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-        """Return the record of all replicates of one fit, with the 95 % interval of the initial shear modulus."""
+        """Return the record of a fit that was repeated on random samples of the states (bootstrap replicates).
+
+        The record contains all repetitions and the 95 % interval of the initial shear modulus.
+        """
         moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
         enough = len(moduli) >= FEWEST_FOR_INTERVAL
         low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)

@@ -55,8 +55,9 @@ class Head(Record):
 class GenerationLine(Record):
     """A line of a checkpoint: one generation of the search for one fit.
 
-    The line holds the index of the fit in the first line of the checkpoint, the objectives of the candidates, and the
-    progress of the search. Objective: the misfit that the search minimises, in mm.
+    A generation is a group of candidates (sets of parameters) that the search tries together. The line holds the index
+    of the fit in the first line of the checkpoint, the objectives of the candidates (the errors in mm that the search
+    minimises), and the progress of the search.
     """
 
     fit: int
@@ -208,7 +209,7 @@ class GenerationLog:
     def replay(self) -> tuple[Objectives, ...]:
         """Return the logged objectives. A resumed search uses these objectives instead of computing them.
 
-        An objective is the misfit of one candidate, which the search minimises.
+        An objective is the error (mm) of one candidate, that is, of one set of parameters. The search minimises it.
         """
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
@@ -239,7 +240,10 @@ class GenerationLog:
 
 
 def _same(replayed: Generation, logged: Generation) -> bool:
-    """Return whether all numbers of two generations agree within the rounding of different processors."""
+    """Return whether a repeated generation of a search agrees with the logged one, apart from rounding errors.
+
+    Processors of different kinds round differently in the last digits.
+    """
     pairs = zip(astuple(replayed), astuple(logged), strict=True)
     return all(math.isclose(replayed_number, logged_number, rel_tol=_SAME) for replayed_number, logged_number in pairs)
 

@@ -29,7 +29,7 @@ FEWEST_STATES = 5  # for a bootstrap: with fewer states, many replicates would c
 
 @dataclass(frozen=True)
 class Task:
-    """A fit to compute: law, datasets, seed, and number of the bootstrap replicate (0 for the measured data)."""
+    """A fit to compute: law, datasets, seed, and number of the random sample of states (0 for the measured data)."""
 
     model: str
     evidence: tuple[Evidence, ...]
@@ -37,7 +37,7 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
-        """Return the law, the datasets, the seed and the bootstrap replicate of a fit as text."""
+        """Return the law, the datasets, the seed and the bootstrap replicate (sample of states) of a fit as text."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 

@@ -52,7 +52,8 @@ REFUSALS = (
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
     """Return the InputError that tells the user why a fit was refused, with the path of the dataset.
 
-    `error` is of one of the kinds in `REFUSALS`.
+    `error` is the exception by which the fit refused the data, for example because no material explains them. It is of
+    one of the kinds in the constant `REFUSALS`.
     """
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]

@@ -136,7 +136,7 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters of a fit that its data do not determine."""
+        """Return the names of the parameters that the bounds of the search limit, because the data do not."""
         return ()
 
     def stretch_in_words(self) -> str:

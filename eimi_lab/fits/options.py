@@ -142,7 +142,7 @@ class FitOptions:
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:
-        """Raise InputError if one of these laws lacks a parameter that has a prior."""
+        """Raise InputError if the option `--prior` names a parameter that one of these laws does not have."""
         from eimi_fitting.inference.evidence.parameter_priors import check_priors
         from eimi_fitting.laws import LAWS
 

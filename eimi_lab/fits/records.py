@@ -357,7 +357,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the data of a fit do not determine.
+        """Return the names of the parameters that the bounds of the search limit, because the data do not.
 
         `initial_shear_modulus` is among the names if the data do not determine the modulus.
         """

@@ -59,7 +59,7 @@ class TensileRecord(LawRecord):
         return "full" if self.window_percent is None else f"{self.window_percent:g} %"
 
     def summary(self) -> str:
-        """Return one line: law, window, initial shear modulus with its interval, RMSE, and limit of stability."""
+        """Return one line about a tensile fit: law, range of strains, initial shear modulus, RMSE, stability limit."""
         limit = self.stability.stable_up_to_stretch
         stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
         if limit == 1.0:
@@ -70,7 +70,7 @@ class TensileRecord(LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on the window and the residuals of a tensile fit, and on its undetermined parameters."""
+        """Return sentences on the range of strains, the residuals and the undetermined parameters of a tensile fit."""
         misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
         return [misfit, *self.not_fixed_in_words()]
 

@@ -1,6 +1,6 @@
 """Repeat the evaluation of Di Lecce et al. 2022 (Front. Robot. AI 8:790571) on virtual specimens of hidden materials.
 
-hidden_materials   the laws of the specimens, which differ from all fitted laws
+hidden_materials   the laws of the simulated specimens; the fits use other laws
 extent             the extent of the evaluation: the full evaluation or a quick part
 stored_parts       store each result, so that an interrupted study can continue
 observed           simulate the edges of the specimens, with the noise of the edge finder

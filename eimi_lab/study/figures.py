@@ -37,8 +37,9 @@ def all_figures(findings: Findings) -> dict[str, bytes]:
 def _best_tension(findings: Findings, key: str, section: str) -> int:
     """Return which law has the smallest errors, among the laws fitted to the tensile curve of a material.
 
-    The result is an index in `findings.routes(key, section)`. The mean errors on all specimens to which no law was
-    fitted and which do not twist are added. `key` is the material, and `section` the model of the cross-section.
+    The result is an index in `findings.routes(key, section)`. Two laws are compared by the sum of their mean errors
+    over all specimens that do not twist and to which no law was fitted. `key` is the material, and `section` the model
+    of the cross-section.
     """
     kinds = untwisted(findings)
     routes = findings.routes(key, section)
@@ -113,7 +114,7 @@ def _curves_by_route(axes: Axes, routes: list[Route], strain: Array) -> None:
 
 
 def _boxes(findings: Findings) -> Figure:
-    """Draw figure 7: the errors of all states by type of specimen.
+    """Draw figure 7: box plots of the errors of identified laws in all states, for each type of specimen.
 
     The figure shows each law fitted to bending, and the law fitted to a tensile curve that has the smallest errors.
     """

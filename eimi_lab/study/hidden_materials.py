@@ -31,9 +31,8 @@ class _OfOneShape(InvariantLaw):
     def from_coordinates(self, x: Array) -> Array:
         """Return the initial shear modulus of P candidates (sets of parameters) in Pa, shape (P, 1).
 
-        This modulus is the only parameter of the law.
-
-        `x` holds the search coordinate of each candidate, shape (P, 1).
+        The modulus is the only parameter of the law, and a search uses the modulus itself as its coordinate. `x` holds
+        this coordinate of each candidate, shape (P, 1).
         """
         return x[:, :1]
 
@@ -43,11 +42,11 @@ class _OfOneShape(InvariantLaw):
 
 
 class PowersOfFirstInvariant(_OfOneShape):
-    """A law with three powers of the first invariant I1 and a linear term in the second invariant I2; see `formula`.
+    """A law with three powers of the first invariant I1 and a linear term in the second invariant I2.
 
-    The sum over the powers a (`powers`), with the weights m (`shares`), is the law of Lopez-Pamies (2010, C. R.
-    Mécanique 338:3). The factor c of the term in I2 is `second`. The weights are chosen such that Σ m + 2 c = 1. The
-    factor mu is then the initial shear modulus.
+    W = mu (sum of 3^(1-a)/(2a) m (I1^a - 3^a) + c (I2 - 3)). The sum over the three powers a, with the weights m, is
+    the law of Lopez-Pamies (2010, C. R. Mécanique 338:3). The weights and c are chosen such that Σ m + 2 c = 1. The
+    factor mu is then the initial shear modulus. The attributes are a (`powers`), m (`shares`) and c (`second`).
     """
 
     name = "powers of I1, and I2"
@@ -71,10 +70,11 @@ class PowersOfFirstInvariant(_OfOneShape):
 
 
 class FadingGent(_OfOneShape):
-    """The sum of Gent's law (1996, Rubber Chem. Technol. 69:59), a softening term and a term in I2; see `formula`.
+    """The sum of Gent's law (1996, Rubber Chem. Technol. 69:59), a softening term and a term in I2.
 
-    The stiffness of the softening term decreases exponentially with the first invariant. The attributes are the
-    constants of the formula: `lasting` is g, `most` is Jm, `fading` is f, `rate` is b and `second` is c.
+    W = mu (-g Jm/2 ln(1 - (I1 - 3)/Jm) + f/(2 b) (1 - exp(-b (I1 - 3))) + c (I2 - 3)), with the invariants I1 and I2.
+    The stiffness of the second term decreases exponentially with I1. The attributes are the constants of this formula:
+    g (`lasting`), Jm (`most`), f (`fading`), b (`rate`) and c (`second`).
     """
 
     name = "fading Gent"

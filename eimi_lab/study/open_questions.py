@@ -136,9 +136,10 @@ def moment(extent: Extent, seed: int) -> list[dict[str, Any]]:
 def states_needed(extent: Extent, seed: int) -> list[dict[str, Any]]:
     """Return, for several numbers of states, the half-width of the 95 % interval of the modulus, in per cent.
 
-    The half-width is predicted for several standard deviations σ of the errors of the edge points (mm), as 100 · 1.96 σ
-    / s, with the sensitivity s of the edges to the modulus (`_sensitivity_mm`). This prediction assumes independent
-    errors. For comparison, a fit is computed to edges with errors of 0.1 px.
+    The half-width is predicted for several standard deviations σ of the errors of the edge points (mm). It is 100 ·
+    1.96 σ / s. Here s is the sensitivity of the edges: how far the edge points move if the modulus changes (root of
+    the sum of squares, mm), divided by the relative change of the modulus. This prediction assumes independent errors.
+    For comparison, a fit is computed to edges with errors of 0.1 px.
     """
     rows = []
     for count in STATES[: extent.cases]:

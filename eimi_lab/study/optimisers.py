@@ -40,7 +40,8 @@ _NEAR = 0.01
 class _Counted:
     """An optimisation problem that records each evaluated candidate and the objective of the candidate.
 
-    A candidate is a point of the unit cube with n coordinates, shape (n,). The objective is the mean error in mm.
+    A candidate is a set of parameters of a law, given as n coordinates from 0 to 1 (a point of the unit cube), shape
+    (n,). The objective, which the optimisers minimise, is the mean error of the simulated edges in mm.
     """
 
     problem: Problem

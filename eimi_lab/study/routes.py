@@ -24,14 +24,14 @@ BENDING = "bending"
 
 @dataclass(frozen=True)
 class Route:
-    """A law with identified parameters, and the data from which the parameters were identified.
+    """A law with identified parameters, and the kind of data (the route) from which they were identified.
 
     Attributes
     ----------
     law : str
         Name of the law.
     values : tuple of float
-        The parameters, in the order and the units of the law.
+        The identified parameters, in the order and the units that the law has for its parameters.
     modulus_Pa : float
         The initial shear modulus in Pa.
     source : {"bending", "own", "published"}
@@ -56,15 +56,15 @@ class Route:
 
     @staticmethod
     def of(stored: dict[str, Any]) -> Route:
-        """Return the identified law from its stored JSON content."""
+        """Return the identified law and its kind of data from a dictionary that was stored as JSON."""
         return Route(stored["law"], tuple(stored["values"]), stored["modulus_Pa"], stored["source"], stored["window"])
 
 
 def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
     """Identify the parameters of a law from the bending of a specimen.
 
-    Return a dictionary for JSON with the fields of a `Route`, and with the numbers of evaluations and
-    generations, the errors and the time (s) of the search.
+    Return a dictionary for JSON with the law, its parameters, the modulus (the fields of a `Route`), the numbers of
+    evaluations and generations of the search, its time (s), and the errors of the fit.
     """
     fit = identify(law, [experiment], seed=seed, possible_causes=())
     return {
@@ -88,7 +88,7 @@ def by_bending(law: str, experiment: Experiment, seed: int) -> dict[str, Any]:
 
 
 def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> list[dict[str, Any]]:
-    """Fit each law to each window of a tensile curve by least squares. Windows with too few rows are left out.
+    """Fit each law to each window of a tensile curve by least squares. Windows with too few points are left out.
 
     A window is the part of the curve up to a largest strain.
 
@@ -105,7 +105,8 @@ def by_tension(strain: Array, stress_Pa: Array, source: str, extent: Extent) -> 
     Returns
     -------
     list of dict
-        The fields of a `Route` for each fit, with root mean square error (Pa) and limit of stability (stretch).
+        A dictionary for each fit: the law, its parameters and the kind of data (the fields of a `Route`), the root
+        mean square error (Pa), and the stretch up to which the law is stable.
     """
     fits = []
     for percent in extent.windows_percent:

@@ -104,7 +104,8 @@ def steps(extent: Extent) -> int:
 def compute_all(inputs: StudyInputs, parts: StoredParts, report: Callable[[str], None] = silent) -> Findings:
     """Compute all parts of a study that are not stored, and return all results.
 
-    `report` is called with the name of each part after the part is computed or read.
+    A part is one result, such as the fit of one law. `report` is called with the name of each part when the part has
+    been computed, or read because it was already stored.
     """
 
     def part(name: str, compute: Callable[[], Any]) -> Any:

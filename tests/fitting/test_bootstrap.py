@@ -17,7 +17,7 @@ STATES = 8
 def experiments() -> list[Experiment]:
     """Return two experiments (beam model, loads and measurements): one with edges and one with tracked points.
 
-    Each state has its index as the value of all its coordinates, so that a test recognises the states of a replicate.
+    All coordinates of a state have the index of the state as value. A test can thus see which states were drawn.
     """
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)

@@ -49,9 +49,10 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the function `replace` of the tested module also accept `SimpleExperiment` and `Loaded`.
+    """Let the tested module also accept the simple objects `SimpleExperiment` and `Loaded` of this file.
 
-    The function `dataclasses.replace`, which the module uses, accepts dataclasses only.
+    The module changes attributes with `dataclasses.replace`, which accepts dataclasses only. Its function `replace` is
+    therefore exchanged.
     """
 
     def replaced(one: Any, **new: Any) -> Any:

@@ -929,8 +929,9 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 def end(**changed: Any) -> _End:
     """Return one step in the search for the upper end of an interval, at which the deviance is 4.
 
-    The interval is that of the first of two coordinates. Its optimum is at (0.5, 0.5), and the present point of the
-    search is (0.6, 0.5). changed: attributes with other values.
+    The deviance is twice the decrease of the log-likelihood from its maximum. The interval is that of the first of two
+    unknowns. Its optimum is at (0.5, 0.5), and the present point of the search is (0.6, 0.5). changed: attributes with
+    other values.
     """
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))
@@ -958,8 +959,9 @@ def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at:
 def test_an_interval_ends_where_the_quadratic_deviance_reaches_its_target() -> None:
     """An interval ends where the deviance, minimised over the other coordinate, reaches its target, here 4.
 
-    The deviance is d = 400 u² + 200 u v + 100 v², where u and v are the two coordinates minus 0.5. For a given u it is
-    least at v = -u, where d = 300 u². The interval of the first coordinate therefore ends at u = ± sqrt(4 / 300).
+    The deviance is twice the decrease of the log-likelihood from its maximum. Here it is d = 400 u² + 200 u v + 100
+    v², where u and v are the two coordinates minus 0.5. For a given u it is least at v = -u, where d = 300 u². The
+    interval of the first coordinate therefore ends at u = ± sqrt(4 / 300).
     """
     hessian = np.array([[400.0, 100.0], [100.0, 100.0]])
 

@@ -87,7 +87,7 @@ def test_the_outline_in_plane_strain_is_the_edge_of_the_planar_model():
 
 @pytest.mark.parametrize("solid", [False, True])
 def test_an_outline_goes_forward_where_it_changes_from_the_near_to_the_far_face(solid: bool) -> None:
-    """Where the outline of the beam in the picture changes from the near to the far face, it does not turn back.
+    """Where the outline of the beam in the picture changes from the near to the far face, its points stay in order.
 
     Both faces are equally far out at this place. The lens of this test is very near. In the picture, the near and the
     far face of one cross-section are therefore farther apart along the beam than two neighbouring cross-sections.

@@ -23,8 +23,9 @@ HALF = np.array([0.05, 0.1])
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
     """Return a function that computes the deviance of n points with two coordinates, shape (n, 2).
 
-    The deviance is the sum of two functions, `parts`: each is a function of the distance of one coordinate from the
-    optimum. The returned function also gives half of the gradients of the deviance.
+    The deviance is twice the decrease of the log-likelihood from its maximum. Here it is the sum of two functions,
+    `parts`: each is a function of the distance of one coordinate from the optimum. The returned function also gives
+    half of the gradients of the deviance.
     """
 
     def deviance(units: Array) -> tuple[Array, Array]:
@@ -37,15 +38,16 @@ def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[
 
 
 def quadratic(half: float) -> Callable[[Array], Array]:
-    """Return a deviance that is 4 at the distance `half`."""
+    """Return a deviance of one coordinate: a parabola that is 4 at the distance `half` from the optimum."""
     return lambda away: 4.0 * (away / half) ** 2
 
 
 def ends_of(deviance: Callable[[Array], tuple[Array, Array]], checked: tuple[int, ...] = (0, 1)) -> Ends:
     """Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
 
-    The first guess of the ends is at the distances `HALF` from the optimum. checked: the coordinates whose ends are
-    compared with `deviance` and corrected if necessary.
+    The deviance is twice the decrease of the log-likelihood from its maximum. The first guess of the ends is at the
+    distances `HALF` from the optimum. checked: the coordinates whose ends are compared with `deviance` and corrected
+    if necessary.
     """
     return interval_ends(deviance, OPTIMUM, np.zeros(2), np.diag(4.0 / HALF**2), HALF, checked)
 
@@ -129,11 +131,12 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the ends of the intervals of two unknowns after a check, and the points at which the check was made.
+    """Return the ends of the intervals of two unknowns, and the points at which the function under test checked them.
 
-    The ends have the deviance 1 (the deviance is twice the decrease of the log-likelihood). If the second unknown is
-    the bulk modulus (`has_bulk`), its interval extends to an incompressible material, unless the deviance of such a
-    material exceeds 10. high: upper end of the second unknown before this check. values: the deviances of the points.
+    The deviance is twice the decrease of the log-likelihood; it is 1 at the ends before the check. The check concerns
+    the second unknown, if this is the bulk modulus (`has_bulk`): its interval is extended to an incompressible
+    material, unless the deviance of such a material exceeds 10. high: upper end of the second unknown before the
+    check. values: the deviances that the check gets at its points, one after another.
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

@@ -39,7 +39,7 @@ def valley(units: Array) -> Values:
 def rastrigin(units: Array) -> Values:
     """Return Rastrigin's function, which has many local minima around OPTIMUM (Mühlenbein et al. 1991).
 
-    units: the d coordinates of n candidates, shape (n, d), each from 0 to 1.
+    units: n points with d coordinates from 0 to 1, shape (n, d).
     """
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))

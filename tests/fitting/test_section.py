@@ -37,7 +37,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return the solid model of the true beam, and the bent shapes of this beam under `LOADS`.
+    """Return the solid model of the true beam, and the bent shapes of this beam under the loads of this file.
 
     The mesh is finer than the mesh of a fit in all three directions.
     """

@@ -30,7 +30,8 @@ def bandwidth(dofs: Indices) -> int:
 def _most_contributions(numbers: Indices) -> int:
     """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    numbers: for each contribution, the number of earlier contributions to the same entry.
+    A contribution is an entry of an element's matrix, which is added to an entry of the assembled matrix. numbers: for
+    each contribution, how many contributions were added to the same entry before it.
     """
     return int(numbers.max(initial=0)) + 1
 

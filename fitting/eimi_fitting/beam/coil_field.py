@@ -222,11 +222,12 @@ class CoilShape:
     def _slope(self) -> Complex:
         """The derivatives of the field ratio q by x and y that ``gradient_per_m`` causes, complex, shape (2,), in 1/mm.
 
-        Let s be the coordinate along the axis of the coil and t the coordinate across it, and let B_s and B_t be the
-        components of the field, divided by its strength at the position of the magnet. ``gradient_per_m`` gives the two
-        derivatives of B_s: dB_s/ds = h and dB_s/dt = g. The two derivatives of B_t follow from Maxwell's equations. The
-        field has no curl, so that dB_t/ds = g. It has no divergence, so that the derivatives of the two components
-        across the axis add up to -h. They are assumed to be equal, so that dB_t/dt = -h/2.
+        q is the field at a point divided by the field at the position of the magnet at rest, as a complex number. Let
+        s be the coordinate along the axis of the coil and t the coordinate across it, and let B_s and B_t be the
+        components of the field, divided by its strength at the position of the magnet. ``gradient_per_m`` gives the
+        two derivatives of B_s: dB_s/ds = h and dB_s/dt = g. The two derivatives of B_t follow from Maxwell's
+        equations. The field has no curl, so that dB_t/ds = g. It has no divergence, so that the derivatives of the two
+        components across the axis add up to -h. They are assumed to be equal, so that dB_t/dt = -h/2.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)

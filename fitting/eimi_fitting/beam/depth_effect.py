@@ -178,9 +178,10 @@ class DepthEffect:
     def covers(self, places: Array) -> bool:
         """Return whether this depth effect can be the base to which another candidate law only adds a correction.
 
-        places: the values s of the bending in all states of the other candidate. All of them must lie in the range of s
-        in which this depth effect is valid: the range of the solved states, extended by a tenth of its length at both
-        ends.
+        The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a number
+        s that measures the bending. places: the values s in all states of the other candidate. All of them must lie in
+        the range of s in which this depth effect is valid: the range of the solved states, extended by a tenth of its
+        length at both ends.
         """
         return bool(self.without_base.reaches(places).all())
 

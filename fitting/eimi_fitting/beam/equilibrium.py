@@ -166,7 +166,7 @@ class _Step:
     rigid : ndarray, shape (B, 3)
         Change of the translation (x, y) in mm and of the rotation in rad of the rigid body (the magnet).
     pressure : ndarray
-        Change of ``Configuration.pressure`` in N/mm².
+        Change of the coefficients of the pressure functions in N/mm², in the shape of ``Configuration.pressure``.
     stress : ndarray
         The stress in N/mm² that the linear step predicts, in the shape of ``Configuration.stress``.
     sound : ndarray of bool, shape (B,)
@@ -238,7 +238,7 @@ class Solid:
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return the configuration at rest for the given number of candidates (``batch``)."""
+        """Return displacements, pressures and stresses of zero for the given number of candidate laws (``batch``)."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),

@@ -69,7 +69,7 @@ class ReducedMotion:
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of the reduced motion of only the candidate laws with the indices ``rows``."""
+        """Return the matrices of small vibrations of only the candidate laws with the indices ``rows``."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],

@@ -89,7 +89,7 @@ def bending_rows(
     about : array, shape (J,)
         Coefficients in Pa of the law about which the edges are linearised.
     lot : float
-        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves.
+        Relative standard deviation of the ratio of the modulus of the beams to the modulus of the tensile specimens.
 
     Returns
     -------

@@ -171,7 +171,8 @@ def discover(
     most_terms : int
         Largest number of terms of a law.
     lot : float
-        Relative standard deviation between the moduli of the beams and the moduli of the tensile curves.
+        Relative standard deviation of the ratio of the modulus of the beams to the modulus of the tensile specimens,
+        which may come from another lot of the material.
     modulus_Pa : float, optional
         Shear modulus in Pa of a Neo-Hookean fit to the experiments. By default this function does the fit.
     seed : int

@@ -151,11 +151,12 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit with n unknowns, computed by Gauss-Newton from the candidate ``unit`` (n,).
+    """Return the optimum of a fit with n unknowns, computed by Gauss-Newton from the start ``unit`` (n,).
 
-    If there is other evidence than edges, its weight depends on N, the number of independent edge points. N follows
-    from the residuals at the optimum, which are not yet known. Gauss-Newton is therefore run with an estimate of N, and
-    a second time if the N of its result differs from the estimate by more than a factor of e^0.3.
+    The start has a value from 0 to 1 for each unknown (unit coordinates). If there is other evidence than edges, its
+    weight depends on N, the number of independent edge points. N follows from the residuals at the optimum, which are
+    not yet known. Gauss-Newton is therefore run with an estimate of N, and a second time if the N of its result
+    differs from the estimate by more than a factor of e^0.3.
 
     If the edges are the only evidence, ``start`` may give an earlier evaluation of ``unit``, and Gauss-Newton stops
     after a step that lowers the objective by less than the share ``enough``.
@@ -299,8 +300,9 @@ def _alone(
 ) -> Comparison:
     """Simulate one candidate alone, and return the comparison with the measurements of the experiments.
 
-    The differences between two beam models are small. A simulation of several candidates together has other rounding
-    errors, which would disturb these differences. ``unit`` has the n unit coordinates (0 to 1) of the candidate. If
-    ``keep`` is true, the comparison keeps the full solution, so that a later call can start from its shapes (``near``).
+    A candidate is one set of values of the unknowns. The differences between two beam models are small. A simulation
+    of several candidates together has other rounding errors, which would disturb these differences. ``unit`` has the n
+    unit coordinates (0 to 1) of the candidate. If ``keep`` is true, the comparison keeps the full solution, so that a
+    later call can start from its shapes (``near``).
     """
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedLaw(Estimate):
-    """An identified hyperelastic law with intervals, errors, doubts and search history, as stored in a result file.
+    """An identified hyperelastic law with intervals, errors, warnings and search history, as stored in a result file.
 
     It also has the parameters of `Estimate`: the identified parameters with their intervals.
 
@@ -35,7 +35,7 @@ class IdentifiedLaw(Estimate):
     priors : tuple of Prior
         Priors on the law's parameters.
     doubts : tuple of Doubt
-        Doubts about the result.
+        Warnings about the result (reasons to distrust it).
     causes : tuple of Cause
         Possible causes of the residuals, the most probable first; empty in result files of earlier releases.
     evaluations, discarded, stop, runs, history

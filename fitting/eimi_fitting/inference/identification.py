@@ -265,9 +265,9 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Search for the optimum on a mesh of few elements (``coarse``); raise NothingConverged without a valid candidate.
+    """Search for the optimum on a coarse mesh; raise NothingConverged if the beam could not be simulated at all.
 
-    ``options`` are the options of the search, such as its seed.
+    ``coarse`` is the fit with the coarse mesh, and ``options`` are the options of the search, such as its seed.
     """
     result = search(
         lambda units: coarse.evaluate(units, independent_points),

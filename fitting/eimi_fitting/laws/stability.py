@@ -122,7 +122,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return whether a law is stable in every tested deformation with a given largest stretch, for P laws, (P,).
+    """Return whether each of P candidate laws is stable in all tested deformations with a given largest stretch, (P,).
 
     largest: the logarithm of this stretch for each candidate law, (P,).
     """

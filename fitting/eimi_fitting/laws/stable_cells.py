@@ -19,14 +19,16 @@ _MOST_CELLS = 100_000
 
 
 def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
-    """Return the logarithm of the stretch up to which all deformations are proved to be stable.
+    """Return the logarithm of the largest stretch up to which each of P candidate laws is proved stable (Drucker).
 
-    A deformation has the logarithmic stretches (l, l s, -l (1 + s)). Here l is the largest one, and s is -1/2 in
-    uniaxial tension, 0 in planar tension and 1 in equibiaxial tension. A cell is the set of deformations with l in one
-    interval and s in another. If the deformations of a cell cannot be proved to be stable, the cell is divided into
-    four smaller cells, which are examined in turn. A cell is left aside if an unstable deformation with a smaller l is
-    already known. Cells are divided at most 16 times. The result is the smallest l in the cells that are still without
-    a proof.
+    The three principal stretches of an isochoric deformation have the logarithms l, l s and -l (1 + s). Here l belongs
+    to the largest stretch, and s gives the kind of deformation: -1/2 in uniaxial tension, 0 in planar tension, 1 in
+    equibiaxial tension. All deformations together form a rectangle of the plane (l, s), which is divided into smaller
+    rectangles, the cells.
+
+    A criterion shows that the law is stable in a whole cell. If the criterion fails, the cell is divided into four
+    smaller cells, at most 16 times. A cell is not examined if the law is known to be unstable at a smaller l. In the
+    end, the criterion has failed in some of the smallest cells, and the smallest l in these cells is the result.
 
     Parameters
     ----------

@@ -223,7 +223,9 @@ class Sag:
         return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
-        """Return a doubt (a warning) if the measured sag at rest contradicts the sag that the vibration predicts.
+        """Return a doubt (a warning) if the measured sag contradicts the sag that the vibration predicts.
+
+        The sag is how far the beam at rest bends under its weight.
 
         Moderate differences are allowed. The modulus at rest is smaller than that of the vibration, at most by a factor
         of a few, and a beam that should be straight may be a little bent. length_mm: length of the beam.
@@ -241,7 +243,7 @@ class Sag:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The shear modulus for which the computed sag of the beam at rest equals the measured sag.
+    """The shear modulus for which the beam at rest bends as far under its own weight (sag) as was measured.
 
     The modulus is evidence for a viscoelastic law: its deviation is one residual of the fit of the law.
 
@@ -282,8 +284,8 @@ class RestEvidence:
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the residual of the logarithm of the modulus at rest for P candidate laws, (P, 1).
 
-        The modulus at rest of a candidate is compared with the modulus that the sag of the beam gives. The deviation is
-        divided by its standard uncertainty.
+        The modulus at rest of a candidate is compared with the modulus that the measured sag gives (the bending of the
+        beam at rest under its weight). The deviation is divided by its standard uncertainty.
         """
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)

@@ -259,7 +259,7 @@ def _doubts_of_section(table: RingTable) -> list[str]:
 
 
 def _same(one: Loads, other: Loads) -> bool:
-    """Return whether two `Loads` have the same field and the same force at the tip."""
+    """Return whether the field and the force at the tip are the same in two loads; gravity is not compared."""
     return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
 
 
@@ -350,8 +350,9 @@ def _at_rest(
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
     """Return the evidence from the sag of the beam at rest (a shear modulus), or None if there is no such evidence.
 
-    The sag is measured in the first ring-down (free vibration) that does not begin with a step of the load and has the
-    loads of ``table``. The second value contains a doubt (a warning) if the sag contradicts the vibration.
+    The sag is the bending of the beam at rest under its weight. It is measured in the first ring-down (free vibration)
+    that does not begin with a step of the load and has the loads of ``table``. The second value contains a doubt (a
+    warning) if the sag contradicts the vibration.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:

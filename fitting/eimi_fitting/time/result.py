@@ -219,7 +219,7 @@ def result_of(
     exposure_s: float | None,
     wall_s: float,
 ) -> LawOfTime:
-    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and doubts.
+    """Return the identified viscoelastic law at an optimum, with intervals, a budget of uncertainties and warnings.
 
     Parameters
     ----------
@@ -323,8 +323,9 @@ def result_of(
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
     """Return the factor on the stated magnetic moment at which static states and motions give the same modulus.
 
-    A value far from 1 shows that the stated moment is wrong. free: the optimum of a fit with an unknown moment.
-    effects: the changes of the residuals if uncertain inputs change by their uncertainties.
+    Motions are vibrations and creep. A value far from 1 shows that the stated moment is wrong. free: the optimum of a
+    fit with an unknown moment. effects: the changes of the residuals if uncertain inputs change by their
+    uncertainties.
     """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())

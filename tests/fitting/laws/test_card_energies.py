@@ -51,7 +51,7 @@ def arruda_boyce(mu: float, locking: float, s: np.ndarray) -> float:
 
 
 def two_over(numbers: Numbers) -> float:
-    """Return the bulk modulus K = 2/D (MPa) of a volume energy (J - 1)²/D; D is the last constant of a card."""
+    """Return the bulk modulus K = 2/D (MPa) of the volume energy (J - 1)²/D; D is the last of a card's constants."""
     return 2 / numbers[-1]
 
 

@@ -48,9 +48,10 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """A replacement for measured data, which depends on the modulus and on the factor of the magnetic loads only.
+    """A replacement for measured data: one number that depends only on the modulus and on the factor of the loads.
 
-    It measures ln(modulus / MODULUS_PA) + of_load · ln(factor). mean, sigma: the measured value and its standard
+    The factor multiplies the magnetic loads. The number is ln(modulus / MODULUS_PA) + of_load · ln(factor), and
+    `of_load` thus says how it depends on the loads. mean, sigma: the measured value of the number and its standard
     deviation.
     """
 

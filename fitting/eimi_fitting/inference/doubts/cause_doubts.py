@@ -27,10 +27,11 @@ def cause_doubts(
 ) -> tuple[Doubt, ...]:
     """Return a doubt that names the most probable cause of the residuals, if the cause matters for the modulus.
 
-    A cause is a possible error of the bench. It matters under one of two conditions. First, the modulus that is
-    corrected for the cause lies outside the 95 % interval of the modulus. Second, the most probable causes explain more
-    than half of the mean error (the mean over the states of the root mean square residual). The second condition does
-    not apply if files state the uncertainties of these causes, because the interval then contains their effect.
+    A doubt is a warning about the fit, and a cause is a possible error of the bench. A cause matters under one of two
+    conditions. First, the modulus that is corrected for the cause lies outside the 95 % interval of the modulus.
+    Second, the most probable causes explain more than half of the mean error (the mean over the states of the root
+    mean square residual). The second condition does not apply if files state the uncertainties of these causes,
+    because the interval then contains their effect.
 
     The doubt also names the causes that the residuals do not distinguish from the first one. Two kinds of cause give no
     `Doubt`: a cause that the fit has taken into account, and a deviation within its stated uncertainty. If most
@@ -92,7 +93,11 @@ def _concerns(
 
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
-    """Return whether a file states the uncertainty of a cause, or of another cause that changes the residuals alike."""
+    """Return whether a file states the uncertainty of the input that is wrong if a cause of the residuals is present.
+
+    A cause is a possible error of the bench, such as a wrong width; the width is then the input. The inputs of other
+    causes that change the residuals in nearly the same way (``Cause.like``) count too.
+    """
     possible = {one.name: one.stated_as for one in POSSIBLE_CAUSES}
     sources = {source for name in (cause.name, *cause.like) for source in possible[name]}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
@@ -118,7 +123,10 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the first two causes if both are probably present together, else the first cause alone."""
+    """Return the two most probable causes of the residuals if both are probably present, else the first alone.
+
+    They are probably present together if their probabilities add up to at least 1.2.
+    """
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 

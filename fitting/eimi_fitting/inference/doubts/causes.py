@@ -256,10 +256,10 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of recognised deviations of inputs (`Deviation`).
+    """Return the probability of each group of deviations of inputs that the residuals do not distinguish.
 
-    A group contains the deviations that the residuals do not distinguish from each other. Its probability is the sum of
-    theirs, but at most 1.
+    ``within`` contains the deviations of inputs, within their stated uncertainties, that can be recognised in the
+    residuals. The probability of a group is the sum of the probabilities of its deviations, but at most 1.
     """
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]

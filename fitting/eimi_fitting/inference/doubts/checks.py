@@ -117,8 +117,8 @@ def check_explained(
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether tensile curves or priors contradict the optimum so strongly that its objective has the largest possible
-        value. Every state then counts as not explained.
+        Whether tensile curves or priors contradict the optimum so strongly that its objective, the number that the fit
+        minimises, is nearly as large as for a beam that cannot be simulated. Every state then counts as not explained.
 
     Raises
     ------
@@ -211,7 +211,9 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each tensile curve with more than three times the residuals of a fit to this curve alone.
+    """Return a warning (doubt) for each tensile curve that the joint fit describes badly.
+
+    The residuals of such a curve are more than three times those of a fit to this curve alone.
 
     Parameters
     ----------

@@ -90,10 +90,11 @@ class Projection:
 
 
 def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], used: Sequence[Array]) -> Projection:
-    """Return the map from residuals to polynomial coefficients, with two variances of each coefficient.
+    """Return the linear map that describes residuals by a few polynomials along each edge.
 
-    One variance is due to noise. The other is due to the unexplained part of the residuals, which is neither noise nor
-    the effect of a possible error of the bench.
+    The result also contains two variances of each coefficient of these polynomials, with which the fit of a possible
+    error of the bench to the residuals is judged. The first is the variance by noise. The second is the variance by an
+    unexplained error of 1 mm, which is neither noise nor a listed error of the bench.
 
     Parameters
     ----------

@@ -110,7 +110,11 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the prior odds against one more error of the bench."""
+        """Logarithm of the prior odds against one more error of the bench.
+
+        Before the residuals are known, a set of errors is exp(this number) times as probable as the set with one error
+        more.
+        """
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
@@ -303,13 +307,17 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of hypotheses: one that was not simulated, and a simulated one whose simulation it can use.
+        """Return pairs of indices: a hypothesis that was not simulated, and a simulated hypothesis that corrects it.
 
-        A hypothesis is a set of causes (possible errors of the bench). The residuals under a hypothesis are computed by
-        a linear model, which is exact only where the beam was simulated. A simulated hypothesis could therefore seem to
-        agree better with the data than another one. To avoid this, a hypothesis that was not simulated uses the most
-        probable simulation of a part of its causes. Its measured causes, such as a measured taper of the width, must
-        belong to this part, because the shape at rest would differ without them.
+        A hypothesis is a set of causes (possible errors of the bench). Its residuals come from a linear model. For a
+        simulated hypothesis, the error of the linear model is known and corrected. Without any correction, the other
+        hypotheses would seem to agree worse with the data. A hypothesis that was not simulated therefore takes the
+        correction of a simulated one.
+
+        The simulated hypothesis contains only causes of the other one, but not all of them. If there are several
+        such hypotheses, the most probable one is taken. The size of some causes was measured before the fit, for
+        example a taper of the width. Both hypotheses of a pair must have the same measured causes, because these
+        change the shape at rest.
 
         ``result`` has the evidence (probability density of the residuals) of all hypotheses. ``known`` is true for each
         simulated hypothesis.
@@ -393,9 +401,10 @@ class Weighing:
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
         """Return the derivatives of the residuals by some amplitudes of a hypothesis, or None without an equilibrium.
 
-        A derivative is the change of the N coefficients of the residuals in mm (`_project`) for one prior standard
-        deviation of an amplitude. The shape is (n, N) for the n amplitudes with the numbers ``active``. ``residual``
-        has the coefficients of the residuals for ``amplitudes``.
+        A hypothesis is a set of errors of the bench, and ``row`` is its index. An amplitude is the size of an error or
+        a change of the law. The residuals are described by N polynomial coefficients in mm. A derivative is the change
+        of these coefficients for one prior standard deviation of an amplitude. The shape is (n, N) for the n
+        amplitudes with the numbers ``active``. ``residual`` has the coefficients of the residuals for ``amplitudes``.
         """
         slopes = []
         for i in active:

@@ -215,7 +215,7 @@ class Comparison:
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the comparison of only the candidates with the indices ``rows``."""
+        """Return the comparison with the measurements for only the candidates (sets of parameters) ``rows``."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],

@@ -163,12 +163,12 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the misfit (distances of the measured points) of only the candidates with the indices ``rows``."""
+        """Return the misfit (distances of the measured points) of only the candidate laws with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the misfits (distances of the same measured points) of several groups of candidates into one misfit."""
+    """Join the misfits (distances of the same measured points) of several groups of candidate laws into one misfit."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,

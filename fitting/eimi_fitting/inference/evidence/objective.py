@@ -189,8 +189,9 @@ class Problem:
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
         """Return the function that the Gauss-Newton method (`polish`) calls to evaluate candidates.
 
-        The function takes candidates in unit coordinates (0 to 1), and an earlier evaluation from whose shapes the
-        solver starts, or None. ``independent_points`` is the number of independent edge points.
+        The function takes candidates (sets of values of the unknowns) in unit coordinates (0 to 1), and an earlier
+        evaluation from whose shapes the solver starts, or None. ``independent_points`` is the number of independent
+        edge points.
         """
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True

@@ -163,7 +163,7 @@ def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional field in mT, equal in all states, along the strongest field."""
+    """Return the loads with an additional field in mT, equal in all states, in the direction of the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads

@@ -156,7 +156,7 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the effects on field and picture (the setup) of only the candidates with the indices ``rows``."""
+        """Return the effects on field and picture (the setup) of the sets of unknowns with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
@@ -170,7 +170,7 @@ class Setup:
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return positions (x, y) in the picture in mm, (..., 2), from true positions, for the first candidate."""
+        """Return positions in the picture from true positions, (..., 2) in mm, for the first set of unknowns."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
@@ -350,8 +350,8 @@ class Unknowns:
     def whole(self, unit: Array) -> Array:
         """Return all n unit coordinates (0 to 1) of P candidates, (P, n), also if only the searched ones are given.
 
-        ``unit`` has the shape (P, n), or (P, `searched`) without the coordinates of the nuisances (uncertain inputs).
-        The missing coordinates are those of the stated values, 1/2.
+        A candidate is one set of values of the unknowns. ``unit`` has the shape (P, n), or (P, `searched`) without the
+        coordinates of the nuisances (uncertain inputs). The missing coordinates are those of the stated values, 1/2.
         """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]

@@ -197,11 +197,13 @@ class Linearisation:
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the gradients of minus the log-likelihood (scores) at P candidates near the optimum, (P, n).
+        """Return the gradient of minus the log-likelihood (the score) at each of P candidates near the optimum, (P, n).
 
-        A candidate is one set of values of the n unknowns. The residuals of the candidates are used, but the slopes of
-        the residuals are those at the optimum. The weights of the states are computed from the errors of the
-        candidates. The priors on the law's parameters are left out.
+        A candidate is one set of values of the n unknowns. The gradient is a sum of residuals times their derivatives
+        (slopes) times the weights of the states. The residuals are those of the candidate, and the slopes those of the
+        optimum, so that no further simulation is needed. The weight of a state is proportional to 1 / e, with its root
+        mean square residual e for the candidate. The priors of freed inputs (inputs that the fit determines) are
+        included, the priors on the law's parameters are not.
         """
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
@@ -240,7 +242,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance of the optimum, shape (n, n), if the noise is ``widened`` times its estimate."""
+        """Return the covariance of the n unknowns, (n, n), if the noise is ``widened`` times its estimate."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -276,9 +278,11 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return the number of independent points of all experiments, from the residuals of the first candidate.
+    """Return how many of the measured points of all experiments count as independent.
 
-    ``misfits`` has the residuals of the candidates in each experiment.
+    Neighbouring points have similar errors, so that several of them count as one. The number is computed from the
+    residuals of the first candidate (set of values of the unknowns) in ``misfits``, which has one element for each
+    experiment.
     """
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)

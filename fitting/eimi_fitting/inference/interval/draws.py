@@ -106,8 +106,8 @@ def draw_noise(
 def thinned(modulus: Array) -> Rows:
     """Return the indices of 400 of D = 4000 draws for a result file, from the modulus of each draw, (D,).
 
-    The draws are sorted by the modulus, and every tenth draw is stored. The quantiles of the modulus therefore hardly
-    change.
+    A draw is a random sample of all uncertain quantities of a fit. The draws are sorted by the modulus, and every
+    tenth draw is stored. The quantiles of the modulus therefore hardly change.
     """
     stride = _DRAWN // _KEPT
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
@@ -160,13 +160,13 @@ def rounded(values: Array) -> Array:
 
 
 def interval_95(values: Array) -> tuple[float, float]:
-    """Return the 2.5 % quantile and the 97.5 % quantile of D draws, (D,), as ends of a 95 % interval."""
+    """Return the 2.5 % quantile and the 97.5 % quantile of D random draws, (D,), as ends of a 95 % interval."""
     low, high = np.quantile(values, [0.025, 0.975]).tolist()
     return low, high
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two 95 % intervals, computed from two sets of draws.
+    """Return a value with two 95 % intervals, computed from two sets of random draws.
 
     The draws ``drawn`` contain all uncertainties. The draws ``fit_alone`` contain only noise and the error of the mesh.
     """

@@ -257,7 +257,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search."""
+    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search.
+
+    A change of the first unit coordinate (0 to 1) times this number is the change of the logarithm of the modulus.
+    """
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 

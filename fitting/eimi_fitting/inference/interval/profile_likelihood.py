@@ -86,7 +86,7 @@ class _End:
 
     @property
     def off(self) -> float:
-        """How far the deviance of the present candidate is from the required deviance, |deviance / target - 1|."""
+        """How far the present deviance is from the deviance that the end must have: |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property
@@ -101,11 +101,12 @@ class _End:
     def advance(self, unit: Array, hessian: Array) -> None:
         """Replace ``point`` by a point that is nearer to the end of the interval.
 
-        The profile is the smallest deviance for a given value of the coordinate. At the end of the interval it equals
-        ``target``. It grows about as the square of the distance from the optimum ``unit``. The present distance is
-        therefore multiplied by sqrt(``target`` / profile), but kept between the distances that are known to be inside
-        and outside the interval. The other coordinates are then moved so that a quadratic approximation of the deviance
-        is smallest. ``hessian`` is the Hessian of half the deviance at the optimum.
+        The deviance is twice the decrease of the log-likelihood from its maximum. The profile is the smallest deviance
+        for a given value of the coordinate. At the end of the interval it equals ``target``. It grows about as the
+        square of the distance from the optimum ``unit``. The present distance is therefore multiplied by
+        sqrt(``target`` / profile), but kept between the distances that are known to be inside and outside the
+        interval. The other coordinates are then moved so that a quadratic approximation of the deviance is smallest.
+        ``hessian`` is the Hessian of half the deviance at the optimum.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])

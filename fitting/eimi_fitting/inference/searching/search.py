@@ -170,7 +170,7 @@ class SearchResult:
 
 
 class OtherSearch(Exception):
-    """The exception if the generations to replay belong to another search."""
+    """The exception if the stored generations of an interrupted search do not belong to the search that is resumed."""
 
 
 def search(
