@@ -15,10 +15,11 @@ repeats the mistakes that survived.
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
 the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
 `tests_by_line` and must exist before. The map does not contain processes that a test starts, and may not contain slow
-tests. If no test of the map fails, the tests that ``room_tests.toml`` lists for the folder of the mistake are run too;
-each of them belongs to the suite. A mistake is also caught if a file of these tests cannot be imported any more. A
-mistake counts as missed if no test fails, or if its tests end without a result. Mistakes that
-``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not counted. The script prints the shares
+tests. If no test of the map fails, the files of tests that import the module of the mistake are run too, and then the
+tests that ``room_tests.toml`` lists for its folder; each of them belongs to the suite. A mistake is also caught if a
+file of these tests cannot be imported any more. A mistake counts as missed if no test fails, or if its tests end
+without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not
+counted. The script prints the shares
 of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 """
 
@@ -44,7 +45,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from benchmarks.generated_mistakes import asked_room, changed, room_of, sampled, unique_fragments
-from benchmarks.tests_by_line import TestsByLine
+from benchmarks.tests_by_line import TestsByLine, files_that_import
 
 PROJECT = Path(__file__).parents[1]
 LISTS = Path(__file__).parent / "mistakes"
@@ -112,16 +113,18 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return the tests of the folder of the changed file, which run if no test in `tests` fails.
+        """Return the tests of the changed file and of its folder, which run if no test in `tests` fails.
 
-        Only a generated mistake has such tests; for a mistake from a list, the result is empty. `project` is the
+        They are the files of tests that import the module of the mistake, and then the tests that ``room_tests.toml``
+        lists. Only a generated mistake has such tests; for a mistake from a list, the result is empty. `project` is the
         folder of the project or of its copy. Tests that do not exist there are left out.
         """
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))
         listed = [test for folder, tests in by_folder.items() if self.file.startswith(folder) for test in tests]
-        return [test for test in listed if (project / test).exists()]
+        every = dict.fromkeys([*files_that_import(self.file, project), *listed])
+        return [test for test in every if (project / test).exists()]
 
     @property
     def key(self) -> str:

@@ -12,6 +12,7 @@ import argparse
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -172,6 +173,17 @@ def _files_with(word: str) -> list[str]:
     """Return the test files that contain a word."""
     files = sorted((PROJECT / "tests").rglob("test_*.py"))
     return [path.relative_to(PROJECT).as_posix() for path in files if word in path.read_text(encoding="utf-8")]
+
+
+def files_that_import(file: str, project: Path) -> list[str]:
+    """Return the files of tests of a project that import the module in a source file (a path in the project)."""
+    *package, module = Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :]
+    dotted = re.escape(".".join(package))
+    imports = re.compile(
+        rf"from {dotted}\.{module} import|import {dotted}\.{module}\b|from {dotted} import .*\b{module}\b"
+    )
+    files = sorted((project / "tests").rglob("test_*.py"))
+    return [path.relative_to(project).as_posix() for path in files if imports.search(path.read_text(encoding="utf-8"))]
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pytest
 from coverage import CoverageData
 
 from benchmarks import tests_by_line
-from benchmarks.tests_by_line import TestsByLine, record
+from benchmarks.tests_by_line import TestsByLine, files_that_import, record
 
 
 @pytest.fixture
@@ -74,3 +74,20 @@ def test_the_quickest_tests_are_taken_even_if_the_tests_of_other_files_are_slow(
     assert set(quick) <= set(chosen)
     assert len(chosen) == 20 + 2  # 2 s of quick tests leave time for two of 3 s
     assert chosen[0] == quick[0]
+
+
+def test_the_files_that_import_a_module_are_found_by_its_whole_name(tmp_path: Path) -> None:
+    texts = {
+        "a": "from eimi_lab.page.tabs import Tabs",
+        "b": "import eimi_lab.page.tabs",
+        "c": "from eimi_lab.page import choices, tabs",
+        "d": "from eimi_lab.page.tabs_of_others import Tabs",
+        "e": "from eimi_lab.page import tabs_of_others",
+        "f": "from eimi_lab.page import choices",
+        "g": "from eimi_fitting.beam.brick import Bricks",
+    }
+    (tmp_path / "tests" / "inner").mkdir(parents=True)
+    for name, text in texts.items():
+        (tmp_path / "tests" / "inner" / f"test_{name}.py").write_text(text + "\n")
+    for file, names in (("eimi_lab/page/tabs.py", "abc"), ("fitting/eimi_fitting/beam/brick.py", "g")):
+        assert files_that_import(file, tmp_path) == [f"tests/inner/test_{name}.py" for name in names]
