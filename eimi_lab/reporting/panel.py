@@ -49,7 +49,7 @@ class ReportPanel(_Panel):
         Whether the panel needs only the results of the fits. Such a panel is drawn first, while other panels wait for
         the simulation of each dataset with the fitted laws.
     of_intervals : bool
-        Whether the panel needs the 95 % intervals of the mean error of each law, which are computed last.
+        Whether the panel needs the 95 % intervals of the mean error of each law. These intervals are computed last.
     """
 
     values: Callable[[ReportContents], Mapping[str, Any] | None]

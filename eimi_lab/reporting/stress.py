@@ -140,8 +140,8 @@ def largest_strain(fits: Sequence[ShownFit]) -> float:
 def reached(shown: ShownFit, mode: Mode) -> float:
     """Return the strain up to which the data of a fit reach in a mode of deformation.
 
-    At this strain, the largest principal stretch of the mode equals the largest stretch in the data of the fit, which
-    include tensile curves.
+    At this strain, the largest principal stretch of the mode equals the largest stretch in the data of the fit, tensile
+    curves included.
     """
     curves = shown.fit.tensile if isinstance(shown.fit, FitRecord) else ()
     return mode.at_stretch(max([shown.fit.max_stretch, *(1 + curve.largest_strain for curve in curves)]))

@@ -38,7 +38,7 @@ FREE = CameraSettings(frame_rate_Hz=100.0, region=(0, 0, 4, 3))
 
 
 class Library:
-    """A replacement of the library Aravis, which records the calls of the driver.
+    """A replacement of the library Aravis; it records the calls of the driver.
 
     Each element of `coming` is the answer to one request for a frame: a dictionary with values of the frame, or the
     time (s) that passes without a frame.

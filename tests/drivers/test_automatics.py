@@ -20,7 +20,7 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 
 
 class Calls:
-    """A replacement for an Aravis camera, which records the calls that set a value.
+    """A replacement for an Aravis camera; it records the calls that set a value.
 
     `automatic` contains the quantities with an automatic control: "exposure", "gain" or both.
     """

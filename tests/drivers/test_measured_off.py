@@ -112,7 +112,7 @@ def test_the_current_is_measured_if_the_safe_off_of_a_driver_does_not_measure_it
 
 
 class Line(InProcessTransport):
-    """A connection to a supply, which leads to another instrument after the driver has reopened it."""
+    """A connection that leads to another instrument after the driver has reopened it."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)

@@ -25,7 +25,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class Line:
-    """A connection to an instrument, which counts how often it was closed."""
+    """A connection that counts how often it was closed."""
 
     address = "here"
 

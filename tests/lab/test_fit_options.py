@@ -29,7 +29,7 @@ received: list[MoreOptions] = []
 
 @with_fields(MoreOptions)
 def command(output: Output, options: MoreOptions, again: bool = False) -> None:
-    """A replacement for `eimi fit`, which records the options that the command line passes to it."""
+    """A replacement for `eimi fit`; it records the options that the command line passes to it."""
     received.append(options)
 
 

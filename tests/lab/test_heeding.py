@@ -49,7 +49,7 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil or for the guardian process, which switches coils off; it appends its calls to a list.
+    """A replacement for a coil, or for the guardian process that switches coils off; it appends its calls to a list.
 
     `errors` contains, by the name of a method, the error that a call of this method raises.
     """

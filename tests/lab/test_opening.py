@@ -223,7 +223,7 @@ def test_the_camera_of_a_rig_is_a_device_a_recording_or_a_virtual_beam(monkeypat
 
 
 class Run:
-    """A replacement for a run, which records the calls of its methods."""
+    """A replacement for a run; it records the calls of its methods."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []

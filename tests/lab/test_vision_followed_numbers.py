@@ -358,7 +358,7 @@ def shadowed(softness_px: float) -> Array:
 def test_an_edge_that_may_be_the_border_of_a_shadow_is_doubtful_by_its_blur() -> None:
     """In a grey picture, an edge with more blur is doubtful, because it may be the border of a shadow.
 
-    The flag (warning) of this doubt adds a standard deviation to the points, which is at least the blur.
+    The flag (warning) of this doubt adds a standard deviation of at least the blur to the points.
     """
     alone = find_edges(plain(colours=np.array([[60.0] * 3, [200.0] * 3]), seed=4)[..., 0].copy(), CALIBRATION, SPECIMEN)
     assert "OWN_SHADOW" not in {flag.name for flag in alone.flags}

@@ -109,7 +109,7 @@ class PhoneScene:
 
 
 def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
-    """Choose a scene at random, in which the ticks that a person clicks are inside the photographs.
+    """Choose a random scene in which the ticks of the ruler that a person clicks are inside the photographs.
 
     share: the factor by which the photographs (4032 x 3024 px) are scaled.
     """

@@ -88,7 +88,7 @@ def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, 
 def even_stretch(name: str, along: float, across: float) -> float:
     """Return the largest error of a displacement in a patch test of the solid element.
 
-    In a patch test, a mesh of distorted elements is stretched uniformly, which the elements must reproduce exactly. The
+    In a patch test, a mesh of distorted elements is stretched uniformly, and must reproduce this stretch exactly. The
     mesh is a cube with side 1. Tractions on two of its faces stretch it by `along` and `across`; the third stretch
     follows from the constant volume. name: the hyperelastic law.
     """

@@ -39,7 +39,7 @@ def serve_coil(coil: CoilSupply, port: int = 0) -> AbstractContextManager[str]:
 
 
 class RemoteCoil:
-    """Connection to an emulated coil in another process, which returns the true current of the coil.
+    """Connection to an emulated coil in another process; it returns the true current of the coil.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
 
 
 def another_unit(driver: str, clock: Clock) -> Responder:
-    """Return a second emulated supply of the same model, which is off.
+    """Return a second emulated supply of the same model; its output is off.
 
     It differs from the first supply in its serial number. If the family has no serial numbers, as Korad supplies, both
     supplies have the same identity. `driver` is the name of the family in `DIALECTS`.

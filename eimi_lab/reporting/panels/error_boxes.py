@@ -22,7 +22,7 @@ _LOG_FROM = 20  # ratio of the largest to the smallest median from which the axi
 
 
 def drawn_boxes(report: ReportContents) -> Drawing:
-    """Draw one box plot for each fit and specimen, which shows the errors of the fit in the states of the specimen.
+    """Draw a box plot for each fit and specimen: the errors of the fit in the states (load steps) of the specimen.
 
     Each specimen has its own axes, and all axes have the same scale. The error in a state is the root mean square
     distance of measured points from simulated edges. A box has the colour of its law.

@@ -161,7 +161,7 @@ def tab(chromium: Any) -> Iterator[Callable[[str], Any]]:
 
 @dataclass
 class EmulatedBench:
-    """A folder with a rig file, whose supply and coil are emulated and whose camera plays back stored images."""
+    """A folder with the rig file of a bench: its supply and coil are emulated, and its camera plays back images."""
 
     folder: Path
     coil: CoilSupply

@@ -224,7 +224,7 @@ def test_the_blur_is_stated_always_and_flagged_above_its_limit_only(
 
 
 class Supply:
-    """A replacement for a supply, which records the calls of its methods."""
+    """A replacement for a supply; it records the calls of its methods."""
 
     limits = Limits(current_A=2.0, voltage_V=10.0)
     measures_current = False
