@@ -18,7 +18,9 @@ CLEAR_OF_EDGES_PX = 12  # the noise is measured farther than this from every edg
 
 
 def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Return the flags (failed checks) DROPPED and DUPLICATE that the frames of one state (load step) raise.
+    """Return the flags DROPPED and DUPLICATE, as far as the frames of one state (load step) raise them.
+
+    A flag is a failed quality check. DROPPED: frames are missing. DUPLICATE: a frame is repeated.
 
     A frame is a duplicate if its number does not increase, or if its pixels equal the pixels of the previous frame.
     Equal pixels count only if the camera has noise, because two new frames may be equal without noise.
@@ -51,8 +53,8 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
     """Return the failed quality checks (flags) of the imported frames of one state (load step).
 
-    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves. A run makes the same
-    checks while it takes the frames.
+    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves. For frames that are not
+    imported, `eimi acquire` makes the same checks while it takes the frames.
 
     Parameters
     ----------

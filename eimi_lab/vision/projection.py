@@ -149,9 +149,10 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return how many times better the candidate must separate the beam from its surroundings to replace `best`.
+    """Return how many times better `candidate` must separate the beam from its surroundings to replace `best`.
 
-    The factor is above 1 if `best` is a single colour channel and the candidate is not; otherwise it is 1.
+    Both are projections (weighted sums of the colours). The factor is above 1 if `best` is a single colour channel and
+    `candidate` is not; otherwise it is 1.
     """
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 

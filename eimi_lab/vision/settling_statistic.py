@@ -181,8 +181,9 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
     """Return upper bounds of the steepness of an image (the magnitude of its gradient), shape (S, W).
 
     The image of W columns is divided into S strips of `STRIP_ROWS` rows. The bound for a column of a strip is the range
-    of the grey values within `REACH_PX` of this column, times `STEEPEST_STEP`, plus the rounding error. The bounds are
-    computed faster than the steepness.
+    (largest minus smallest) of the grey values within `REACH_PX` pixels of this column, times the constant
+    `STEEPEST_STEP`, plus the rounding error. The bounds are computed faster than the steepness, and tell where a steep
+    gradient is possible.
     """
     height, width = image.shape
     tops = range(0, height, STRIP_ROWS)

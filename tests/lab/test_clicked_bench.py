@@ -41,8 +41,8 @@ def test_every_line_of_the_calibration_follows_from_the_clicks() -> None:
         "pixels_per_mm = 40.002                # ticks of the ruler, 50 mm and 2000.1 px apart\n"
         "clamp_midpoint_px = [1020.0, 1402.0]  # where the beam leaves its clamp: clicked on the near face of the "
         "beam, moved to its middle plane\n"
-        "axis_angle_deg = 0.57                 # the beam leaves its clamp level (assumed to 0.5 degrees)\n"
-        "gravity_angle_deg = 90.57             # the ruler is level or plumb (assumed to 0.5 degrees), the phone "
+        "axis_angle_deg = 0.57                 # the beam leaves its clamp horizontally (assumed to 0.5 degrees)\n"
+        "gravity_angle_deg = 90.57             # the ruler is horizontal or vertical (assumed to 0.5 degrees), the phone "
         "tilted by 0.57 degrees\n"
         "stand_off_mm = 150.0                  # the lens, and the scale\n"
         "camera_tilt_deg = [0.0, 0.0]          # the phone was parallel to the plane of the beam (assumed to 2 degrees "
@@ -82,7 +82,7 @@ def test_a_clamp_whose_ends_were_clicked_gives_the_axis_and_points_along_the_bea
     assert calibration.picture.along_px == ((1500.0, 1400.0), (2000.0, 1430.0), (2600.0, 1500.0))
     assert [bench.sources[key] for key in ("axis_angle_deg", "gravity_angle_deg", "stand_off_mm")] == [
         "perpendicular to the clamp's edge",
-        "the clamp's edge is level or plumb (assumed to 0.5 degrees), the phone tilted by 0.00 degrees",
+        "the clamp's edge is horizontal or vertical (assumed to 0.5 degrees), the phone tilted by 0.00 degrees",
         "measured with a ruler",
     ]
 

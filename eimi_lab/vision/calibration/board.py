@@ -120,7 +120,10 @@ class Board:
         )
 
     def _grid(self, columns: int, rows: int) -> Array:
-        """Return the points of a regular grid in mm, row by row, shape (columns · rows, 2)."""
+        """Return the points of a grid on the board, mm, row by row, shape (columns · rows, 2).
+
+        The points are as far apart as the squares or circles of the board, and the first point is (0, 0).
+        """
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.square_mm * np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
 

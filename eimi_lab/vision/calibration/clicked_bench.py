@@ -1,8 +1,8 @@
 """Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
 
 The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
-divided by the scale. The roll of the camera follows from a level or plumb ruler, or from the edge
-of the clamp. Such a bench has no coil, so that the calibration contains no field.
+divided by the scale. The roll of the camera (its rotation about the line of sight) follows from a ruler, or an edge of the
+clamp, that is horizontal or vertical. The photographed bench has no coil, so that the calibration contains no field.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from eimi_lab.process.errors import InputError
 from eimi_lab.vision.calibration.exif_lens import FOCAL_LENGTH_SHARE, FocalLength
 
 FEWEST_RULER_PX = 40.0
-LARGEST_TILT_DEG = 20.0  # of a phone; beyond it, a ruler is probably neither level nor plumb
-LEVEL_DEG = 0.5  # assumed: a ruler or a clamp that was set level or plumb by eye or with a level
+LARGEST_TILT_DEG = 20.0  # of a phone; beyond it, a ruler is probably neither horizontal nor vertical
+LEVEL_DEG = 0.5  # assumed: a ruler or a clamp that was set horizontal or vertical by eye or with a spirit level
 UPRIGHT_DEG = 1.5  # assumed: a phone that was held upright
 PARALLEL_DEG = 2.0  # assumed: a phone that was held parallel to the plane of the beam by eye
 IN_PLANE_MM = 1.0  # assumed: distance of the ruler from the middle plane of the beam
@@ -39,7 +39,8 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 class ClickedBench(Document):
     """The points (px) that a person clicked on a photograph of the bench, and the person's answers about the bench.
 
-    The bench is the clamp with the beam, a ruler and the camera. The answers tell, for example, what is level or plumb.
+    The bench is the clamp with the beam, a ruler and the camera. The answers tell, for example, whether the ruler or
+    the edge of the clamp is horizontal or vertical.
     """
 
     clamp_px: Points = Field(min_length=1, max_length=2)
@@ -51,9 +52,9 @@ class ClickedBench(Document):
     ruler_mm: float = Field(gt=0)
     """Distance of the two ticks."""
     plumb: Literal["ruler", "clamp", "picture"] = "ruler"
-    """What is level or plumb: the ruler, the clamp's edge, or the picture itself."""
+    """What is horizontal or vertical: the ruler, the clamp's edge, or the picture itself."""
     leaves: Literal["level", "downward", "upward", "clamp"] = "level"
-    """How the beam leaves its clamp: level, downward, upward, or perpendicular to the clamp's edge."""
+    """How the beam leaves its clamp: horizontally (level), downward, upward, or perpendicular to the clamp's edge."""
     stand_off_mm: float | None = Field(default=None, gt=0)
     """Distance from the lens to the beam; needed if the Exif data of the picture give no focal length."""
     along_px: Annotated[tuple[Pair, ...], Field(strict=False, max_length=5)] = ()
@@ -219,10 +220,11 @@ def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]
     body = "the ruler" if clicked.plumb == "ruler" else "the clamp's edge"
     if abs(tilt_deg) > LARGEST_TILT_DEG:
         raise InputError(
-            f"{body} is turned by {tilt_deg:.0f} degrees in the picture, and is therefore neither level nor plumb; "
-            "choose something else that is level or plumb"
+            f"{body} is turned by {tilt_deg:.0f} degrees in the picture, and is therefore neither horizontal nor "
+            "vertical; choose something else that is horizontal or vertical"
         )
-    words = f"{body} is level or plumb (assumed to {LEVEL_DEG:g} degrees), the phone tilted by {tilt_deg:.2f} degrees"
+    assumed = f"{body} is horizontal or vertical (assumed to {LEVEL_DEG:g} degrees)"
+    words = f"{assumed}, the phone tilted by {tilt_deg:.2f} degrees"
     return 90.0 + tilt_deg, math.hypot(LEVEL_DEG, _from_clicks_deg(points, click_px)), words
 
 
@@ -250,15 +252,15 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
         return axis_deg, sigma, "perpendicular to the clamp's edge"
     assumed = f"(assumed to {LEVEL_DEG:g} degrees)"
     if clicked.leaves == "level":
-        return _nearer(gravity_deg - 90.0, to_tip_deg), LEVEL_DEG, f"the beam leaves its clamp level {assumed}"
+        return _nearer(gravity_deg - 90.0, to_tip_deg), LEVEL_DEG, f"the beam leaves its clamp horizontally {assumed}"
     axis_deg = gravity_deg if clicked.leaves == "downward" else gravity_deg - 180.0
     return axis_deg, LEVEL_DEG, f"the beam leaves its clamp {clicked.leaves} {assumed}"
 
 
 def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float, click_px: float) -> None:
-    """Raise InputError if the tip of a beam that leaves its clamp level is above the clamp in the picture.
+    """Raise InputError if the clicked tip is above the clamp, although the beam leaves its clamp horizontally.
 
-    Gravity bends such a beam down. The tip is above the clamp if a person clicked the tip before the clamp.
+    Gravity bends such a beam down. The clicked tip is above the clamp if a person clicked the tip before the clamp.
 
     Parameters
     ----------
@@ -275,8 +277,8 @@ def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float
     if rise_deg > _RISES_SIGMAS * sigma:
         raise InputError(
             f"the clicked tip is above the clamp: the line between them rises by {rise_deg:.1f} degrees, but a beam "
-            "that leaves its clamp level bends down. Click the clamp first and then the tip, or choose how the beam "
-            "leaves its clamp"
+            "that leaves its clamp horizontally (level) bends down under its weight. Click the clamp first and then the "
+            "tip, or choose another direction in which the beam leaves its clamp"
         )
 
 

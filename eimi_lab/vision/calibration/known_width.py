@@ -163,7 +163,10 @@ def _tilt(left: Array, right: Array) -> tuple[float, float]:
 
 
 def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
-    """Return the median width of the beam in px, measured across the axis of `guess`, accurate to one or two pixels."""
+    """Return the median width of the beam (px), accurate to one or two pixels.
+
+    The width is measured across the direction of the beam in `guess`, an approximate calibration.
+    """
     grey_values = eight_bit(pixels)
     _, bright = cv2.threshold(grey_values, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     angle = math.radians(guess.axis_angle_deg)

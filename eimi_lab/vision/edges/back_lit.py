@@ -51,7 +51,11 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """A beam in an image: the image, the line at which the beam leaves its clamp, and the outline with two corners."""
+    """A beam that was detected in an image in front of a back-light.
+
+    `picture` is the image, `clamp` the line at which the beam leaves its clamp, and `silhouette` the outline of the
+    beam in the image, with the two corners of the beam's tip. The edges are then searched near this outline.
+    """
 
     picture: _DarkBeamImage
     clamp: ClampLine

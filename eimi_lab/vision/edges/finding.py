@@ -79,13 +79,13 @@ def find_edges(
     earlier : callable, optional
         Function that returns the edges of an earlier state (load step) with the same calibration, or None. The function
         is called only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is
-        then used, with the flag ROOT_AMBIGUOUS.
+        then used, with the flag ROOT_AMBIGUOUS (several bodies may be the beam).
     expected_mm : ndarray, shape (n, 2), optional
         The n points of the centre line of the beam in an earlier picture, from the clamp outward. The search then
         ignores the clicked points of the calibration.
     between_mm : ndarray, shape (m, 2), optional
-        The m points of the centre line in a later picture. The beam is then expected between both lines, as surely as
-        if a person had clicked it there.
+        The m points of the centre line in a later picture. The beam is then expected between the two lines. Their mean
+        counts as much as a line that a person clicked on the beam.
 
     Returns
     -------
@@ -216,7 +216,11 @@ def _clicks(calibration: Calibration) -> Array | None:
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether one of the clicked points (px) lies more than 10 px, the error of a click, outside the beam."""
+    """Return whether the located edges pass beside a point (px) that a person clicked on the beam.
+
+    The edges then belong to another body. They pass beside a point if it lies more than 10 px, the assumed error of a
+    click, outside the edges.
+    """
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -242,8 +246,9 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the left edge, the right edge and four NaN corners of a beam that was followed from its clamp.
+    """Return the left edge, the right edge and the four corners of a beam that was followed from its clamp.
 
+    The corners at the clamp and at the tip are not located by this method: their coordinates are NaN, shape (4, 2).
     Return None if no edges were located, or if a flag (failed quality check) makes the edges unusable.
     """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):

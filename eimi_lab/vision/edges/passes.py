@@ -366,11 +366,11 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far (px) a profile of grey values across the edge may extend into the beam, at most `half_px`.
+    """Return how far (px) a line across the edge, along which grey values are read, may extend into the beam.
 
-    A profile should end before the edge of the magnet. The edge lies behind a layer of silicone of the width
-    `cover_px`, and is blurred by `blur_px`. If the layer is too thin to separate the two edges, every profile crosses
-    both, and the result is `half_px`.
+    The line should end before the edge of the magnet, which is blurred by `blur_px`. Between the edge of the beam and
+    the edge of the magnet is a layer of silicone of the width `cover_px`. If the layer is too thin to separate the two
+    edges, every line crosses both, and the result is `half_px`, the largest possible result.
     """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 

@@ -92,7 +92,7 @@ class Strip:
 
     @property
     def length_px(self) -> float:
-        """Length of the strip, px of the searched picture."""
+        """Length of the strip, the band of the picture that shows the beam, from the clamp to its outer end, px."""
         return self.step_px * (len(self.gain) - 1)
 
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StatedBeam:
-    """Nominal place and size of the beam in a picture, in pixels.
+    """Place and size of the beam in a picture according to calibration and specimen file, in pixels.
 
     Attributes
     ----------
@@ -60,6 +60,9 @@ class StatedBeam:
         return replace(self, clamp_px=clamp, width_px=width, length_px=length, line=line)
 
     def relative_width(self, along_px: Array | float) -> Array:
-        """Return the stated width at given distances from the clamp, px, as a share of the mean width."""
+        """Return the width of the beam at given distances from the clamp (px), divided by the mean width.
+
+        The specimen file gives the width along the beam. The result is 1 if the width is constant.
+        """
         share = np.asarray(along_px) / self.length_px
         return np.ones(share.shape) if self.widths is None else np.interp(share, *self.widths.T)

@@ -264,7 +264,12 @@ class BeamTracker:
         return SeenBeam(middle, *sides), curve
 
     def _edge(self, grey: NDArray[Any], places: Array, normals: Array, side: float, reach: float) -> Array:
-        """Return p points of one edge, px, shape (p, 2); NaN where no step of the right sign and height is detected."""
+        """Return p points of one edge of the beam, px, shape (p, 2).
+
+        A point is NaN where the grey values show no step of the right sign and height. `places` and `normals`, both of
+        shape (p, 2), are points of the centre line and its unit normals. `side` is +1 for the edge on the side of the
+        normals, else -1. The edge is searched up to `reach` px from its expected place, half a width from the line.
+        """
         inner = float(min(reach, 2.0 * _WIDEST * self._half_px.min()))
         across = stations(inner, max(inner, min(reach, 2.0 * self._half_px.max())))
         outward = side * normals

@@ -247,7 +247,7 @@ def test_a_file_that_is_not_a_photograph_is_refused_and_not_stored(
     [
         ({"tip_px": [1200.0, 300.0]}, "mm from the clamp by the ruler, but length_mm = 40"),
         ({"ruler_px": [[100.0, 100.0], [110.0, 100.0]]}, "the two ticks of the ruler are 10 px apart"),
-        ({"ruler_px": [[100.0, 100.0], [300.0, 300.0]]}, "neither level nor plumb"),
+        ({"ruler_px": [[100.0, 100.0], [300.0, 300.0]]}, "neither horizontal nor vertical"),
         ({"clamp_px": [[-5.0, 300.0]]}, "should lie in the picture"),
         ({"clamp_px": [[600.0, 320.0]], "tip_px": [400.0, 300.0]}, "Click the clamp first and then the tip"),
         ({"leaves": "clamp"}, "click both ends of the clamp's edge"),
