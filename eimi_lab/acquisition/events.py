@@ -23,7 +23,8 @@ Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 class Event:
     """The base class of all events of a run.
 
-    `time_s` is the time of the event. `event` is the name of the event in JSON, which never changes.
+    An event is the record of one thing that happened in a run. `time_s` is the time at which it happened. `event` is
+    the name of the kind of event in JSON; this name is the same in all releases of the program.
     """
 
     event: ClassVar[str]

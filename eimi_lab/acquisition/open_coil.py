@@ -157,9 +157,10 @@ def attached() -> str:
 
 
 def _addresses(search: Callable[[], Iterable[Found]]) -> str:
-    """Return the addresses that `search` finds, separated by commas.
+    """Return a text with the addresses of the attached instruments that `search` finds, separated by commas.
 
-    If there are none, the text is "none". If the operating system cannot list them, the text gives the reason.
+    `search` lists the serial ports or the cameras of this computer. If there are none, the text is "none". If the
+    operating system cannot list them, the text gives the reason.
     """
     try:
         return ", ".join(instrument.address for instrument in search()) or "none"

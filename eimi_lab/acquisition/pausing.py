@@ -44,10 +44,11 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that notices a request to pause, which a person types, and then calls `stop_if_asked`.
+        """Return a function that checks for a request to pause, and then for a request to end the run.
 
-        The run calls the returned function in every step. After a request, the function sets the attribute `asked` and
-        sends the event `PauseRequested`.
+        The run calls the returned function in every step. If a person has typed `p` (a request to pause), the function
+        sets the attribute `asked` and sends the event `PauseRequested`; the run pauses later, between two states. In
+        every call, the function then calls `stop_if_asked`, which raises an exception if the run has to end.
         """
 
         def move_on() -> None:

@@ -54,7 +54,8 @@ class Stepping:
         """Ramp through the currents of all states (load steps) before number `state`, without taking frames.
 
         The shape of the beam depends on its history of loads, which is then the same as before the interruption. While
-        the leads of the coil are swapped, only the negative currents of these states are passed.
+        the leads of the coil are swapped, only the negative currents of these states are passed, because the supply
+        cannot give positive currents then.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:

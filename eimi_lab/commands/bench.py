@@ -256,7 +256,9 @@ def acquire(
     ] = False,
     verbose: Annotated[
         bool,
-        typer.Option("-v", "--verbose", help="with --dry-run: also print every state and every message to the supply"),
+        typer.Option(
+            "-v", "--verbose", help="with --dry-run: also print every state (load step) and every message to the supply"
+        ),
     ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="continue the interrupted run in the dataset given with -o")
@@ -408,7 +410,7 @@ def recover(
     output: Output,
     force: Force = False,
 ) -> Result:
-    """Copy the stored states of a crashed run to a new dataset.
+    """Copy the stored states (load steps) of a crashed run to a new dataset.
 
     Damaged frames are left out. A damaged dataset of a finished run can also be recovered.
     """

@@ -47,9 +47,9 @@ def import_(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="states.csv with the loads of each state: the columns frame (or time_s, or state) and current_A (or "
-            "field_mT); if a force acts at the tip, also tip_force_N and tip_force_angle_deg; needed except for a "
-            "motion",
+            help="states.csv with the loads of each state (load step): the columns frame (or time_s, or state) and "
+            "current_A (or field_mT); if a force acts at the tip, also tip_force_N and tip_force_angle_deg; needed "
+            "except for a motion",
             show_default=False,
         ),
     ] = None,
@@ -60,15 +60,15 @@ def import_(
         float | None,
         typer.Option(
             metavar="DEG",
-            help="for tracked points: direction of gravity in the beam frame, from +x toward +y; 0 for a beam that "
-            "hangs down",
+            help="for tracked points: direction of gravity, from +x (along the straight beam) toward +y (across); 0 "
+            "for a beam that hangs down",
         ),
     ] = None,
     no_gravity: Annotated[
         bool, typer.Option("--no-gravity", help="for tracked points: gravity does not bend the beam")
     ] = False,
     average: Annotated[
-        bool, typer.Option("--average", help="store the mean frame of each state instead of every frame")
+        bool, typer.Option("--average", help="store the mean frame of each state (load step), not every frame")
     ] = False,
     every: Annotated[
         int | None,
@@ -131,8 +131,8 @@ def import_(
             return Result([f"{output}: {read.in_words}", *flagged_lines(read.motions)], content)
         if options.format is None and not is_video(source):
             raise InputError(
-                f"{source}: --states: a table with a motion cannot contain states as well; import the states into a "
-                "second dataset, and fit both datasets together"
+                f"{source}: --states: a table of the points of a motion contains no states (load steps at rest); "
+                "import the states into a second dataset, and fit both datasets together"
             )
     if states is None:
         raise InputError("--states is missing; give states.csv or, for a motion, --ring-down or --creep")
@@ -286,7 +286,7 @@ def segment(
     options: PictureOptions,
     force: Force = False,
 ) -> Result:
-    """Find the edges of the beam in every state of a dataset.
+    """Find the edges of the beam in every state (load step).
 
     The edges are stored in the dataset. If a dark frame and a flat field are given, they are stored too.
     """

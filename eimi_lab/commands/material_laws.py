@@ -39,8 +39,8 @@ def fit(
     bootstrap: Annotated[
         int,
         typer.Option(
-            help="number of bootstrap samples: sets of states that are drawn at random with replacement; each fit is "
-            "repeated on every sample",
+            help="number of bootstrap samples: sets of states (load steps) that are drawn at random with replacement; "
+            "each fit is repeated on every sample",
             min=0,
             max=9999,
         ),
@@ -118,7 +118,8 @@ def validate(
         bool,
         typer.Option(
             "--by-state",
-            help="also print the error (root mean square distance of measured from simulated edges) of every state",
+            help="also print the error (root mean square distance of measured from simulated edges) of every state "
+            "(load step)",
         ),
     ] = False,
     force: Force = False,
@@ -254,15 +255,16 @@ def simulate(
         float,
         typer.Option(
             metavar="DEG",
-            help="direction of gravity in the beam frame, from +x toward +y; 0 for a beam that hangs down",
+            help="direction of gravity, from +x (along the straight beam) toward +y (across); 0 for a beam that hangs "
+            "down",
         ),
     ] = 0.0,
     field_angle: Annotated[
         float,
         typer.Option(
             metavar="DEG",
-            help="direction of the field of a positive current in the beam frame, from +x toward +y; 90 is across the "
-            "beam",
+            help="direction of the field of a positive current, from +x (along the straight beam) toward +y (across); "
+            "90 is across the beam",
         ),
     ] = 90.0,
     bulk_modulus_kPa: Annotated[

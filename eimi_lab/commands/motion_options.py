@@ -51,13 +51,13 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="N",
-            help="for a motion: weight that hangs at the tip during the motion, in newtons; for creep without "
-            "--removed, it was hung on the beam at the release",
+            help="for a motion: weight that hangs at the tip during the motion, in newtons; for --creep without "
+            "--removed, this weight was hung on the beam at the time of --released",
         ),
     ] = None
     removed: Annotated[
         float | None,
-        typer.Option(metavar="N", help="for a motion: weight that was taken from the tip at the release, in newtons"),
+        typer.Option(metavar="N", help="for a motion: weight that was taken from the tip at the time of --released"),
     ] = None
     exposure: Annotated[
         float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame, in seconds")

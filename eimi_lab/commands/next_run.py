@@ -15,7 +15,7 @@ def plan(
     fits: Annotated[
         Path, typer.Argument(help="fits.json of an earlier run; the law and the noise in this file are used")
     ],
-    protocol: Annotated[str, typer.Argument(help="protocol.toml whose limits, ramp and settling are used again")],
+    protocol: Annotated[str, typer.Argument(help="protocol.toml whose [limits], [ramp] and [settle] are used again")],
     specimen: Annotated[
         list[str],
         typer.Option(
@@ -53,8 +53,8 @@ def plan(
         list[float] | None,
         typer.Option(
             metavar="DEG",
-            help="direction of gravity in the beam frame: 0 for a beam that hangs down, 90 for a level beam, 180 for "
-            "an upright beam; repeat the option to compare directions",
+            help="direction of gravity, from the axis of the straight beam: 0 for a beam that hangs down, 90 for a "
+            "horizontal beam, 180 for an upright beam; repeat the option to compare directions",
             show_default="the direction in the rig",
         ),
     ] = None,
@@ -72,7 +72,8 @@ def plan(
 ) -> Result:
     """Choose the currents to measure next and write a protocol.
 
-    The table lists the possible runs, with the interval that each run is expected to give. The best run comes first.
+    The table lists the possible runs, the best run first. For each run, it gives the expected result for --goal, such
+    as the half-width of the 95 % interval of the modulus.
     """
     from eimi_lab.face.using import plan as plan_run
     from eimi_lab.fits import planning

@@ -50,7 +50,7 @@ def discover(
     ] = 1,
     force: Force = False,
 ) -> Result:
-    """Find the terms of the law that the data support.
+    """Select the terms of a material's law by cross-validation.
 
     Each law is fitted to a part of the data, and laws are compared by their error on the other data. The result says
     whether the data distinguish the laws.

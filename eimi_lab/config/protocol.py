@@ -174,7 +174,8 @@ class Conditioning(Table):
     def _moves(cls, current_A: float) -> float:
         if current_A == 0:
             raise ValueError(
-                "does not move the beam; give the largest current of the run, or leave the table [conditioning] out"
+                "does not move the beam; give the largest current of the run, or leave the table [conditioning] (load "
+                "cycles before the run) out"
             )
         return current_A
 
@@ -198,7 +199,8 @@ class RingDown(Table):
     def _moves(cls, from_A: float | None) -> float | None:
         if from_A == 0:
             raise ValueError(
-                "does not move the beam; give a current of the run, or leave the key out to use the last current"
+                "does not move the beam; give the current before the step to zero, or leave the key out to use the "
+                "last current of the run"
             )
         return from_A
 
@@ -236,7 +238,11 @@ class Protocol(Document):
     @model_validator(mode="before")
     @classmethod
     def _read_release(cls, content: Any) -> Any:
-        """Give the table `release`, which protocols of early versions contain, its present name `ring_down`."""
+        """Rename the table `release` of a protocol file to `ring_down`.
+
+        Protocol files of early versions have the old name. The table describes steps of the current to zero, after
+        which the beam swings freely.
+        """
         if isinstance(content, dict) and "release" in content and "ring_down" not in content:
             content = {**content, "ring_down": content["release"]}
             del content["release"]

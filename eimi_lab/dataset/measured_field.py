@@ -61,10 +61,10 @@ def field_line(
     I is the current, and B is the field at the magnet: the reading at the probe times ``sensor.at_magnet``.
 
     Three errors contribute to the uncertainties of slope and offset. Let u be the standard uncertainty of one reading,
-    converted to the magnet. First, each B has an independent error with the standard deviation u, or the scatter about
-    the line if the scatter is larger. Second, the zero error of the gaussmeter, with the assumed uncertainty u, makes
-    the offset more uncertain. Third, its scale error, with the relative uncertainty ``sensor.uncertainty_share``, makes
-    the slope more uncertain. The variances are added (JCGM 100:2008, 5.1.2).
+    converted from the probe to the magnet. First, each B has an independent error with the standard deviation u, or the
+    scatter about the line if the scatter is larger. Second, the zero error of the gaussmeter, with the assumed
+    uncertainty u, makes the offset more uncertain. Third, its scale error, with the relative uncertainty
+    ``sensor.uncertainty_share``, makes the slope more uncertain. The variances are added (JCGM 100:2008, 5.1.2).
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class SearchAgain(Protocol):
-    """Function that finds the edges in a state with the help of another state."""
+    """Function that finds the edges of the beam in one state (load step) with the help of other states."""
 
     def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
         """Find and return the edges of the state with the number `index`.

@@ -51,8 +51,9 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     """Copy everything readable of a crashed or damaged dataset to a new file.
 
     Single flipped bits are corrected with the help of HDF5's checksums. Every frame of the copy is tested. Damaged
-    frames are left out, and the states (load steps) of these frames get the flag DROPPED. If all frames of a state are
-    damaged, the state gets one black frame, so that the numbers of later states do not change.
+    frames are left out, and the states (load steps) of these frames get the flag DROPPED (frames are missing). If all
+    frames of a state are damaged, the state gets one black frame, so that the numbers of later states do not change.
+
 
     Parameters
     ----------
@@ -148,9 +149,9 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
 
 
 def _comes_from_hdf5(error: BaseException) -> bool:
-    """Return whether an error was raised inside the library h5py, which means that the file is damaged.
+    """Return whether the library h5py raised an error.
 
-    An error that was raised elsewhere is a fault of this program.
+    The error then means that the file is damaged. An error that was raised elsewhere is a fault of this program.
     """
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return "h5py" in Path(frame.f_code.co_filename).parts

@@ -46,7 +46,7 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
     """Find the edges of every state (load step) and store them in the dataset.
 
     The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags (defects) of a
-    state are the flags of the run (such as NOT_SETTLED), followed by the flags of the image.
+    state are the flags of the run (such as NOT_SETTLED: the beam still moved), followed by the flags of the image.
 
     If free oscillations or creep were recorded, the beam is also found in every frame of these recordings, and the
     motion of the beam is stored.

@@ -42,8 +42,8 @@ def open(path: AnyDataset) -> Dataset:
     Returns
     -------
     Dataset
-        The dataset with its states, frames and edges. The file is closed at the end of a ``with`` block, by
-        ``close()``, or when no variable refers to the dataset any more.
+        The dataset with its states (load steps), frames and edges. The file is closed at the end of a ``with`` block,
+        by ``close()``, or when no variable refers to the dataset any more.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def run_protocol(
     force: bool = False,
     watched_by: str | None = None,
 ) -> Path:
-    """Run a protocol, store the states in a dataset, and return the path of the dataset.
+    """Run a protocol, store its states (load steps) in a dataset, and return the path of the dataset.
 
     The parameters that are not listed have the same meaning as in `acquire`.
 

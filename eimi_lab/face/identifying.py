@@ -185,8 +185,8 @@ def fit(
     section : "solid", "plane-strain" or "plane-stress"
         How the cross-section of the beam is modelled; by default as in the specimen file.
     include_flagged : bool
-        True to use also the states that a flag (a failed quality check) marks as unusable. They are left out by
-        default.
+        True to use also the states (load steps) that a flag (a failed quality check) marks as unusable. They are left
+        out by default.
     free : str or sequence of str
         Uncertain quantity that is estimated together with the law, such as ``"width=0.02"``. The number is the standard
         deviation of the quantity in mm, in degrees or as a fraction. Without a number, the standard uncertainty in the
@@ -300,7 +300,7 @@ def identify_laws(
     Returns
     -------
     fits, evidence
-        The fits, and the evidence of each dataset that has states: the data in the form that the inference uses.
+        The fits, and the evidence of each dataset with states (load steps): its data in the form that a fit uses.
 
     Raises
     ------
@@ -370,7 +370,7 @@ def _motions_of(datasets: Sequence[Path]) -> list[MotionEvidence]:
 def _fits_of_motions(
     laws: Sequence[str], motions: Sequence[MotionEvidence], seeds: Sequence[int], output: Path | None, force: bool
 ) -> Fits:
-    """Return the fits to datasets that have ring-downs (free vibrations) but no static states.
+    """Return the fits to datasets that have ring-downs (free vibrations) but no states (load steps at rest).
 
     The fits are written to ``output`` if it is given. Raises InputError if the motions cannot be used, or if the file
     cannot be written.
@@ -385,7 +385,7 @@ def _fits_of_motions(
 
 @contextmanager
 def _stopped_with(checkpoint: Path | None) -> Iterator[None]:
-    """If a signal interrupts the fit in the ``with`` block, raise `Stopped` with advice on how to continue the fit."""
+    """Raise `Stopped` with advice on how to continue the fit, if a signal interrupts the fit in the ``with`` block."""
     try:
         yield
     except Stopped as stopped:

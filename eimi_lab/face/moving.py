@@ -77,8 +77,8 @@ def import_motion(
     clamp, axis, region, polarity, channel, beam_colour
         New values, which replace the values in the calibration; see `import_pictures`.
     gravity_angle : float
-        For tracked points: direction of gravity in the beam frame, degrees from +x toward +y; 0 for a beam that hangs
-        down.
+        For tracked points: direction of gravity, degrees from +x (along the straight beam from the clamp) toward +y
+        (across the beam); 0 for a beam that hangs down.
     no_gravity : bool
         For tracked points: gravity does not bend the beam.
     rate : float
@@ -88,8 +88,8 @@ def import_motion(
         Time in the recording at which the beam was released or its load changed, s. By default, the program finds the
         release of each flick.
     hanging, removed : float
-        Weight that hangs at the tip during the motion, and weight that was taken from the tip at the release, N. For
-        creep without ``removed``, the weight ``hanging`` was hung on the beam at the release.
+        Weight that hangs at the tip during the motion, and weight that was taken from the tip at the time ``released``,
+        N. For creep without ``removed``, the weight ``hanging`` was hung on the beam at the time ``released``.
     exposure : float
         Exposure time of a frame, s.
     row_time : float
@@ -254,7 +254,8 @@ def read_motions(
     loaded = _loaded(calibration, {}) if calibration is not None else None
     if loaded is None and not has_gravity_direction:
         raise InputError(
-            f"{source}: tracked points need --gravity-angle (direction of gravity in the beam frame) or --no-gravity"
+            f"{source}: tracked points need --gravity-angle (direction of gravity, measured from the axis of the "
+            "straight beam) or --no-gravity"
         )
     if facts.row_time_s or facts.exposure_s:
         raise InputError(f"{source}: --row-time and --exposure: are only for a video; leave them out for this file")

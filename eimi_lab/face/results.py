@@ -59,7 +59,7 @@ class Validations:
         return Residuals.of(prediction.evidence, prediction.residuals_mm)
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame with one row for each dataset, fit and state.
+        """Return a pandas.DataFrame with one row for each dataset, fit and state (load step).
 
         Raises ImportError if pandas is not installed.
         """
@@ -78,7 +78,7 @@ class Validations:
         return Path(path)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the error of each state against the field.
+        """Return a matplotlib figure of the error of each state (load step) against the magnetic field.
 
         The error is the root mean square distance of the measured points from the simulated edges. The figure has a
         curve for each fit and dataset.
@@ -104,7 +104,7 @@ class Validations:
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """The states that are proposed for the next run.
+    """The states (load steps) that are proposed for the next run.
 
     Attributes
     ----------

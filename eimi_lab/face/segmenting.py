@@ -44,14 +44,14 @@ def import_pictures(
     source : str or Path
         A folder of images, an image, or a video.
     states : str or Path
-        The table of states (CSV) with the loads of each picture: the columns frame (or time_s), current_A or field_mT,
-        and tip_force_N.
+        The table of states (load steps, CSV) with the loads of each picture: the columns frame (or time_s), current_A
+        or field_mT, and tip_force_N.
     specimen, calibration : str, Path or object
         TOML files, names of shipped files, or objects loaded from such files.
     output : str or Path
         The dataset to write.
     average : bool
-        Store the mean frame of each state instead of every frame.
+        Store the mean frame of each state (load step) instead of every frame.
     every : int
         The number n, to import every n-th frame of a video. Each row of the table then gives the beginning of a load in
         the column time_s or frame. The load acts until the time in the column until_s or, without this column, until
@@ -126,14 +126,14 @@ def import_points(
     source : str or Path
         The table of points (CSV) with the columns state, point, x0_mm, y0_mm, x_mm, y_mm and sigma_mm.
     states : str or Path
-        The table of states (CSV) with the columns state, field_mT and tip_force_N.
+        The table of states (load steps, CSV) with the columns state, field_mT and tip_force_N.
     specimen : str, Path or SpecimenFile
         The beam.
     output : str or Path
         The dataset to write.
     gravity_angle : float
-        Direction of gravity in the beam frame, degrees from +x toward +y; 0 for a beam that hangs down. It is required
-        unless ``no_gravity`` is True.
+        Direction of gravity, degrees from +x (along the straight beam from the clamp) toward +y (across the beam); 0
+        for a beam that hangs down. It is required unless ``no_gravity`` is True.
     no_gravity : bool
         Gravity does not bend the beam.
     force : bool
@@ -154,8 +154,8 @@ def import_points(
 
     if gravity_angle is None and not no_gravity:
         raise InputError(
-            f"{source}: tracked points need gravity_angle, the direction of gravity in the beam frame, or "
-            "no_gravity = True"
+            f"{source}: tracked points need gravity_angle, the direction of gravity measured from the axis of the "
+            "straight beam, or no_gravity = True"
         )
     check_distinct(files(source, states, specimen), [Path(output)])
     from_table(
@@ -186,7 +186,7 @@ def segment(
     workers: int = 1,
     force: bool = False,
 ) -> Dataset:
-    """Find the edges of the beam in every state, and store the edges in the dataset.
+    """Find the edges of the beam in every state (load step), and store the edges in the dataset.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def find_edges(
     workers: int = 1,
     force: bool = False,
 ) -> tuple[tuple[EdgeSet, ...], tuple[str, ...]]:
-    """Find the edges of the beam in every state of a dataset, and store the edges.
+    """Find the edges of the beam in every state (load step) of a dataset, and store the edges.
 
     For the parameters and errors see `segment`.
 

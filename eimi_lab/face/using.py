@@ -67,7 +67,7 @@ def simulate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Simulation:
-    """Simulate a specimen, whose material has a given law, in all states of a protocol.
+    """Simulate a specimen, whose material has a given law, in all states (load steps) of a protocol.
 
     Parameters
     ----------
@@ -86,8 +86,9 @@ def simulate(
     coil_constant : float
         Field at the magnet divided by the current, mT/A.
     gravity_angle, field_angle : float
-        Directions of gravity, and of the field of a positive current, in the beam frame, degrees from +x toward +y. For
-        a gravity angle of 0 the beam hangs down. For a field angle of 90 the field is across the beam.
+        Directions of gravity, and of the field of a positive current, degrees from +x (along the straight beam from the
+        clamp) toward +y (across the beam). For a gravity angle of 0 the beam hangs down. For a field angle of 90 the
+        field is across the beam.
     bulk_modulus_kPa : float
         Bulk modulus, kPa, if the cross-section is modelled as "solid" or "plane-strain". By default the material is
         incompressible.
@@ -154,7 +155,7 @@ def validate(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Validations:
-    """Simulate the states of datasets with fitted laws, and compare the simulated edges with the measured edges.
+    """Simulate the states (load steps) of datasets with fitted laws, and compare simulated and measured edges.
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def plan(
     output: AnyPath | None = None,
     force: bool = False,
 ) -> Plan:
-    """Choose the states to measure in the next run, and predict how accurate the result of this run will be.
+    """Choose the states (load steps) to measure in the next run, and predict how accurate its result will be.
 
     Parameters
     ----------
@@ -233,7 +234,8 @@ def plan(
     model : str
         Name of the law to use, if the fits have several laws.
     gravity_angle : float or sequence of float
-        Directions of gravity to compare, degrees in the beam frame. The default is the direction in the rig file.
+        Directions of gravity to compare, degrees from the axis of the straight beam: 0 for a beam that hangs down. The
+        default is the direction in the rig file.
     tip_weight : float or sequence of float
         Weights at the tip to compare, grams.
     both_polarities : bool

@@ -57,7 +57,7 @@ def typed_line() -> str | None:
 
 
 def handled(event: int, act: Callable[[], None]) -> int:
-    """Call ``act`` if Windows closes the console, logs the user off or shuts down; ignore Ctrl-C.
+    """Call ``act`` if Windows closes the console, logs the user off or shuts down; leave Ctrl-C to Python.
 
     Windows calls this function for each event of the console. After a closing, a log-off or a shutdown, it ends the
     process as soon as the function returns.

@@ -175,7 +175,10 @@ def open_closed_streams() -> None:
 
 @contextmanager
 def never_blocking() -> Iterator[None]:
-    """Replace standard error by a stream that never blocks, within the context."""
+    """Replace standard error (`sys.stderr`) within the context by a stream that never waits for its reader.
+
+    An ordinary stream blocks the program if nobody reads the text, for example on a terminal that was stopped.
+    """
     before = sys.stderr
     try:
         stream = (WrittenByThread if sys.platform == "win32" else NeverBlocking)(before.fileno())
@@ -196,9 +199,10 @@ _captured = threading.Lock()
 
 @contextmanager
 def library_words() -> Iterator[list[str]]:
-    """Collect the lines that C libraries print on standard error within the context.
+    """Collect the lines that C libraries, such as OpenCV's, print on standard error within the context.
 
-    None of these lines reaches the terminal. Text that Python prints within `never_blocking` is not affected.
+    None of these lines reaches the terminal. Text that Python prints still reaches the terminal, if standard error was
+    replaced by a stream of its own with `never_blocking`.
 
     Yields
     ------

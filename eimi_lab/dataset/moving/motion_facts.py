@@ -22,9 +22,9 @@ class MotionFacts:
         Time in the recording, in s, at which the beam was released, or at which the load of the beam changed.
     hanging_N : float
         Weight that hangs at the tip during the motion, N. For creep without ``removed_N``, this weight was hung on the
-        beam at the release.
+        beam at the time ``released_s``.
     removed_N : float
-        Weight that was taken from the tip at the release, N.
+        Weight that was taken from the tip at the time ``released_s``, N.
     exposure_s : float, optional
         Exposure time of a frame, s.
     row_time_s : float

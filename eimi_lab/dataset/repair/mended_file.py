@@ -20,8 +20,8 @@ class MendedFile(io.RawIOBase):
     patches : dict of int to int
         The new value of each replaced byte, by its position in the file.
     searched_bytes : int
-        Number of bytes that unsuccessful searches for a flipped bit have read. The searches end at a largest number, so
-        that a repair does not take too long.
+        Number of bytes that unsuccessful searches for a flipped bit have read. No further search is made if this number
+        exceeds a limit, so that a repair does not take too long.
     """
 
     def __init__(self, path: Path) -> None:

@@ -175,11 +175,12 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """Return the possible lengths of a block of metadata in bytes; an empty list if its header is damaged.
+    """Return the possible lengths (bytes) of a block of HDF5 metadata; an empty list if they cannot be determined.
 
     The block begins at the position `at` of the file, and `signature` contains its first four bytes, which tell the
-    kind of the block. Some kinds have a fixed length. The length of other kinds follows from numbers in the header of
-    the structure, or may have several values (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
+    kind of the block. Some kinds have a fixed length, and some have several possible lengths. A part of the list of an
+    array's chunks (extensible array) has a length that follows from the header of this list; the result is empty if the
+    header is damaged (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
     """
     match signature:
         case b"EAHD":

@@ -77,7 +77,8 @@ def import_tracks(
             gravity = gravity and calibration.gravity
         if gravity_angle_deg is None and gravity:
             raise InputError(
-                f"{source}: give --gravity-angle, the direction of gravity in the beam frame, from +x toward +y"
+                f"{source}: give --gravity-angle, the direction of gravity in the beam frame, in degrees from +x "
+                "(along the straight beam from the clamp) toward +y (across the beam)"
             )
         rows = read_table(states, [], [*FRAME_COLUMNS, *LOAD_COLUMNS])
         at = [_frame_of(row, placed, source) for row in rows]

@@ -1,8 +1,8 @@
 """Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
 
 The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
-divided by the scale. The roll of the camera (its rotation about the line of sight) follows from a ruler, or an edge of the
-clamp, that is horizontal or vertical. The photographed bench has no coil, so that the calibration contains no field.
+divided by the scale. The roll of the camera (its rotation about the line of sight) follows from a ruler, or from the
+clamp's edge, if it is horizontal or vertical. The photographed bench has no coil, so the calibration contains no field.
 """
 
 from __future__ import annotations
@@ -277,8 +277,8 @@ def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float
     if rise_deg > _RISES_SIGMAS * sigma:
         raise InputError(
             f"the clicked tip is above the clamp: the line between them rises by {rise_deg:.1f} degrees, but a beam "
-            "that leaves its clamp horizontally (level) bends down under its weight. Click the clamp first and then the "
-            "tip, or choose another direction in which the beam leaves its clamp"
+            "that leaves its clamp horizontally (level) bends down under its weight. Click the clamp first and then "
+            "the tip, or choose another direction in which the beam leaves its clamp"
         )
 
 
