@@ -191,7 +191,9 @@ def follow_beam(
         pixels = projection.apply(pixels)
     beam = specimen_file.specimen
     frame = BeamFrame(calibration)
-    stated = stated_beam(frame, beam.length_mm, beam.width_mm)
+    is_near = calibration.stand_off_mm is None or calibration.stand_off_mm <= beam.depth_mm
+    view = None if is_near else frame.view(beam.depth_mm, (pixels.shape[1], pixels.shape[0]))
+    stated = stated_beam(frame, beam.length_mm, beam.width_mm, beam.depth_mm, view)
     clicks = _clicks(calibration)
     if expected_mm is not None:
         lines = [frame.to_px(np.vstack([[0.0, 0.0], line])) for line in (expected_mm, between_mm) if line is not None]

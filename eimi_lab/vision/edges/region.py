@@ -87,7 +87,12 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     if len(clicks):
         moved = tuple((float(x), float(y)) for x, y in clicks)
         changed["picture"] = calibration.picture.model_copy(update={"along_px": moved})
-    if calibration.camera_matrix is not None:
+    if calibration.camera_matrix is None and calibration.stand_off_mm is not None:
+        # Without a camera matrix, the optical axis passes through the centre of the whole picture.
+        focal_px = calibration.stand_off_mm * calibration.pixels_per_mm
+        x_axis, y_axis = 0.5 * (shape[1] - 1) - left, 0.5 * (shape[0] - 1) - top
+        changed["camera_matrix"] = ((focal_px, 0.0, x_axis), (0.0, focal_px, y_axis), (0.0, 0.0, 1.0))
+    elif calibration.camera_matrix is not None:
         (fx, skew, cx), (zero, fy, cy), last = calibration.camera_matrix
         changed["camera_matrix"] = ((fx, skew, cx - left), (zero, fy, cy - top), last)
     return Region(left, top, width, height, calibration.model_copy(update=changed), calibration.digest)

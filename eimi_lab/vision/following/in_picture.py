@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from eimi_fitting.beam.view import View
 from eimi_lab.config.size_along import rows_of
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.following.stated import StatedBeam
 from eimi_lab.vision.intensity import full_scale
 
 
-def stated_beam(frame: BeamFrame, length_mm: float, width_mm: float) -> StatedBeam:
-    """Convert the nominal beam to pixels: its clamp and axis in the calibration, and its length and width in mm.
+def stated_beam(
+    frame: BeamFrame, length_mm: float, width_mm: float, depth_mm: float = 0.0, view: View | None = None
+) -> StatedBeam:
+    """Convert the nominal beam to pixels: its clamp and axis in the calibration, and its size in mm.
 
-    A width that the specimen file gives as a table (`SizeAlong`) varies along the beam.
+    A width that the specimen file gives as a table (`SizeAlong`) varies along the beam. view: the perspective in which
+    the lens images the beam; None without perspective.
     """
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     scale = float(np.linalg.norm(ahead - origin))
     angle = math.atan2(ahead[1] - origin[1], ahead[0] - origin[0])
     rows = np.array(rows_of(width_mm))
     widths = rows / [length_mm, width_mm] if len(rows) else None
-    return StatedBeam(origin, angle, width_mm * scale, length_mm * scale, widths=widths)
+    beam = StatedBeam(origin, angle, width_mm * scale, length_mm * scale, widths=widths)
+    if view is None:
+        return beam
+    near, far = (
+        frame.to_px(view.seen(np.array([[0.0, 0.0, z_mm], [length_mm, 0.0, z_mm]])))
+        for z_mm in (-0.5 * depth_mm, 0.5 * depth_mm)
+    )
+    apart = far - near
+    along = near[1] - near[0]
+    recession = -float((apart[1] - apart[0]) @ along / (along @ along))
+    vanishing = near[0] + apart[0] / recession
+    return replace(beam, depth_px=depth_mm * scale, vanishing_px=vanishing, recession=recession)
 
 
 def in_255(image: ArrayLike) -> NDArray[np.float32]:

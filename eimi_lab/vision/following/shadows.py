@@ -12,10 +12,12 @@ The colours that count as inside the beam are usually those just inside the edge
 the border of a shadow, these are colours of the shadow. The first pass of the search therefore takes the colours of the
 beam from its middle.
 
-Two regions look like a shadow but belong to the beam: the thin rim of a translucent beam, and the cut side of a
-coloured board. The rim has nearly the colour of the beam, so that nearly the whole change of colour is at the outer
-border of the rim. The cut side has another hue than the surroundings. In both cases the outer border is kept as the
-edge, and the width of the region is recorded in `Seams.shadow`.
+Three regions look like a shadow but belong to the beam: the thin rim of a translucent beam, the cut side of a coloured
+board and, in perspective, a side face of the beam. The rim has nearly the colour of the beam, so that nearly the whole
+change of colour is at the outer border of the rim. The cut side has another hue than the surroundings. In both cases
+the outer border is kept as the edge, and the width of the region is recorded in `Seams.shadow`. A camera that is not
+level with the beam always sees a side face, whose width follows from the depth of the beam. A region that is not wider
+than this face can appear belongs to the beam.
 """
 
 from __future__ import annotations
@@ -40,6 +42,7 @@ _LEAST_SEPARATION = 3.0  # standard deviations between inside and outside
 _AS_SURE = 0.15  # least share of the separation that all colours have
 _LEAST_BODY_STEP = 0.2  # of the step at the border: behind the border of a shadow the body differs by more
 _HALF = 0.5  # of the fall of a full step
+_SIDE_SIGMAS = 2.0  # a side face is at most wider than expected by this multiple of its standard uncertainty
 _ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every place with a clear colour step is moved
 
 
@@ -66,14 +69,14 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     body = find_colour_seams(unrolled, colour_seams.edge, noise, _TOLERANCES, shadowless=True)
     shift = np.array(OUTWARD)[:, None] * (colour_seams.edge - body.edge)
     window = max(3, round(_WINDOW * unrolled.stations_in_width))
-    least = max(_LEAST_SHIFT, _LEAST_SHIFT_PX / float(np.linalg.norm(unrolled.aside[0])))
+    noticed = max(_LEAST_SHIFT, _LEAST_SHIFT_PX / float(np.linalg.norm(unrolled.aside[0])))
     separation, shadowless_separation = (
         np.stack([side.separation for side in seams.projected]) for seams in (colour_seams, body)
     )
     clear = shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)
-    moved = (
-        clear & (body.support > _HALF) & (scipy.ndimage.median_filter(shift, size=(1, window), mode="nearest") > least)
-    )
+    smooth_shift = scipy.ndimage.median_filter(shift, size=(1, window), mode="nearest")
+    least = np.maximum(noticed, unrolled.side_faces + _SIDE_SIGMAS * unrolled.side_sigma)
+    moved = clear & (body.support > _HALF) & (smooth_shift > least)
     moved &= np.stack([is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)])
     opening = np.ones((1, window), dtype=bool)
     dark = scipy.ndimage.binary_opening(moved, opening)

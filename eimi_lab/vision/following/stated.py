@@ -12,6 +12,8 @@ from eimi_lab.vision.following.centre_line import CentreLine
 
 Array = NDArray[np.float64]
 
+_TILT_DEG = 2.0  # assumed standard uncertainty, of a camera that was set parallel to the plane of the beam by eye
+
 
 @dataclass(frozen=True)
 class StatedBeam:
@@ -30,6 +32,13 @@ class StatedBeam:
     widths : ndarray, shape (k, 2), optional
         How the width varies along the beam: distance from the clamp as a share of the length, and width as a share of
         `width_px`, which is then the mean width. None if the width is constant.
+    depth_px : float
+        Size of the beam along the line of sight, at the scale of the picture; 0 if the picture shows no perspective.
+    vanishing_px : ndarray, shape (2,), optional
+        In perspective, a point of the far face of the beam appears nearer to this point than the opposite point of the
+        near face. None if the picture shows no perspective.
+    recession : float
+        How much nearer the far face appears, as a share of the distance from `vanishing_px`.
     """
 
     clamp_px: Array
@@ -38,6 +47,9 @@ class StatedBeam:
     length_px: float
     line: CentreLine | None = None
     widths: Array | None = None
+    depth_px: float = 0.0
+    vanishing_px: Array | None = None
+    recession: float = 0.0
 
     @property
     def clicked_px(self) -> float:
@@ -56,8 +68,17 @@ class StatedBeam:
         """
         clamp = (self.clamp_px - origin_px + 0.5) * factor - 0.5
         line = self.line and self.line.scaled(factor, origin_px)
-        width, length = self.width_px * factor, self.length_px * factor
-        return replace(self, clamp_px=clamp, width_px=width, length_px=length, line=line)
+        vanishing = None if self.vanishing_px is None else (self.vanishing_px - origin_px + 0.5) * factor - 0.5
+        width, length, depth = self.width_px * factor, self.length_px * factor, self.depth_px * factor
+        return replace(
+            self,
+            clamp_px=clamp,
+            width_px=width,
+            length_px=length,
+            line=line,
+            depth_px=depth,
+            vanishing_px=vanishing,
+        )
 
     def relative_width(self, along_px: Array | float) -> Array:
         """Return the width of the beam at given distances from the clamp (px), divided by the mean width.
@@ -66,3 +87,29 @@ class StatedBeam:
         """
         share = np.asarray(along_px) / self.length_px
         return np.ones(share.shape) if self.widths is None else np.interp(share, *self.widths.T)
+
+    def side_faces(self, places_px: Array, aside_px: Array) -> tuple[Array, Array]:
+        """Return how wide the side faces of the beam appear in perspective, and their standard uncertainties.
+
+        A camera that is not level with the beam also sees its upper or its lower side face.
+
+        Parameters
+        ----------
+        places_px : ndarray, shape (n, 2)
+            Points on the centre line.
+        aside_px : ndarray, shape (n, 2)
+            At each point, a vector across the beam to the right, as seen from the clamp. Its length is the unit of the
+            result.
+
+        Returns
+        -------
+        tuple of ndarray, shape (2, n)
+            The width of the left and of the right side face, 0 for a hidden one. The uncertainty is due to the tilt of
+            the camera; it is 0 for a hidden face.
+        """
+        if self.vanishing_px is None:
+            return np.zeros((2, len(places_px))), np.zeros((2, len(places_px)))
+        unit_px = np.linalg.norm(aside_px, axis=1)
+        right = self.recession * ((self.vanishing_px - places_px) * aside_px).sum(axis=1) / unit_px**2
+        faces = np.maximum([-right, right], 0.0)
+        return faces, np.where(faces > 0.0, math.radians(_TILT_DEG) * self.depth_px / unit_px, 0.0)

@@ -6,7 +6,7 @@ The strip is the band of the picture in which the search found the beam.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -70,11 +70,17 @@ class UnrolledPicture:
     width : ndarray, shape (n,)
         Width of the strip at each station.
     stated : ndarray, shape (n,)
-        Stated width of the beam at each station; 1 for a beam of constant width.
+        Stated width of the beam at each station, with the visible side faces; 1 for a beam of constant width without
+        perspective.
     inside : ndarray of bool, shape (n, m)
         Whether each sampled point lies in the image and shows no body that crosses the beam.
     covered : ndarray of bool, shape (n, m), optional
         Whether each sampled point shows a body that crosses the beam. None if no body does.
+    side_faces : ndarray, shape (2, n) or (2, 1)
+        Width of the visible side face of the beam at the left and at the right edge at each station; 0 for a hidden
+        face, and without perspective.
+    side_sigma : ndarray, shape (2, n) or (2, 1)
+        Standard uncertainty of `side_faces`.
     """
 
     colours: NDArray[np.float32]
@@ -86,6 +92,8 @@ class UnrolledPicture:
     stated: Array
     inside: NDArray[np.bool_]
     covered: NDArray[np.bool_] | None = None
+    side_faces: Array = field(default_factory=lambda: np.zeros((2, 1)))
+    side_sigma: Array = field(default_factory=lambda: np.zeros((2, 1)))
 
     @cached_property
     def bins(self) -> ColourBins:
@@ -143,6 +151,7 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
     node = np.linspace(0.0, curve.length / wide, len(strip.width))
     width = np.interp(along, node, strip.width / coarse.beam.width_px)
     begin = fine.to_picture(middle)
+    side_faces, side_sigma = fine.beam.side_faces(middle, wide * normal)
     return UnrolledPicture(
         colours=colours,
         across=across,
@@ -150,8 +159,10 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
         middle=begin,
         aside=fine.to_picture(middle + wide * normal) - begin,
         width=width,
-        stated=fine.beam.relative_width((along - start) * wide),
+        stated=fine.beam.relative_width((along - start) * wide) + side_faces.sum(axis=0),
         inside=inside,
+        side_faces=side_faces,
+        side_sigma=side_sigma,
     )
 
 
