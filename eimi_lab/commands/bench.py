@@ -410,9 +410,10 @@ def recover(
     output: Output,
     force: Force = False,
 ) -> Result:
-    """Copy the stored states (load steps) of a crashed run to a new dataset.
+    """Copy the stored states of a crashed run to a new dataset.
 
-    Damaged frames are left out. A damaged dataset of a finished run can also be recovered.
+    A state is a load step with its frames. Damaged frames are left out. A damaged dataset of a finished
+    run can also be recovered.
     """
     from eimi_lab.dataset.recovery import recover as copy_acknowledged
 
