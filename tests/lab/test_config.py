@@ -1,4 +1,4 @@
-"""The TOML files that are shipped with the program are read without an error; their currents have no rounding errors.
+"""The TOML files that the program contains are read without an error; the currents in them have no rounding errors.
 
 A mistake in a TOML file gives an error message of one line.
 """

@@ -122,7 +122,7 @@ def test_a_second_ctrl_c_leaves_out_the_ramp(setup: Any) -> None:
 
 
 def test_two_signals_while_a_state_is_stored_switch_off_first(setup: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After two signals while a state is stored, the coil is switched off first, and the state is stored completely."""
+    """After two signals while a state is stored, the coil is switched off, and then the state is stored completely."""
     still_on: list[bool] = []
 
     def slow(column: h5py.Dataset, rows: Any) -> None:

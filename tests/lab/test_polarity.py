@@ -189,7 +189,7 @@ def test_the_virtual_rig_reverses_its_field_and_the_edges_lie_on_the_other_side(
 
 @pytest.mark.slow
 def test_a_hidden_tilt_of_the_moment_is_found_by_the_whole_chain_and_the_modulus_is_right(tmp_path: Any) -> None:
-    """Run and fit on the virtual rig find a hidden tilt of the magnetic moment, and the true modulus.
+    """A fit on the virtual rig finds a tilt of the magnetic moment that the specimen file lacks, and the modulus.
 
     `tests/fitting/test_magnetisation_angle.py` contains a short version of this test without pictures.
     """
