@@ -67,7 +67,7 @@ HEADER = (
 
 
 def line(row: Row) -> str:
-    """Return the statistics of a group of experiments as a row of a Markdown table."""
+    """Return a row of the table: which share of a group of intervals contains the true value, and their width."""
     low, high = row.chance_percent
     return (
         f"| {row.name} | {row.experiments} | {row.half_width_percent:.1f} | "

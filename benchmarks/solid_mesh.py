@@ -40,7 +40,7 @@ def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
     """Return the rotation of the tip (degrees) of the solid model in each of K fields, shape (K,).
 
-    `mesh` contains the numbers of elements along and across the beam, and the refinement factor in depth.
+    `mesh` contains the numbers of elements along and across the beam, and how many elements are added in depth.
     """
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]

@@ -74,7 +74,7 @@ class TestsByLine:
     __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
-        """Read from a file which tests execute which lines. Raises FileNotFoundError if this was not recorded."""
+        """Read from a file which tests execute which lines. Raises FileNotFoundError if there is no such file."""
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
@@ -170,7 +170,7 @@ def _lines_of_functions(path: Path) -> set[int]:
 
 
 def _files_with(word: str) -> list[str]:
-    """Return the test files that contain a word."""
+    """Return the files of tests in whose text a word occurs, such as the name of a module."""
     files = sorted((PROJECT / "tests").rglob("test_*.py"))
     return [path.relative_to(PROJECT).as_posix() for path in files if word in path.read_text(encoding="utf-8")]
 

@@ -107,8 +107,10 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
     """Return the stiffness of the rod for the nominal beam, and how it changes with the dimensions of the beam.
 
-    The change is an array of derivatives, shape (3, 3). The rows belong to ln(width), ln(depth) and ln(length) of the
-    beam. The columns belong to ln(length), ln(hinge stiffness) and softening (m²) of the rod.
+    The beam is simulated as an elastic rod with a hinge between rod and magnet. The change is an array of derivatives,
+    shape (3, 3). The rows belong to ln(width), ln(depth) and ln(length) of the beam. The columns belong to three
+    numbers of the rod: ln(length), ln(stiffness of the hinge), and the softening (m²), the relative loss of bending
+    stiffness per squared curvature.
     """
 
     def rod(specimen: Specimen) -> Stiffness:
@@ -125,7 +127,10 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the rod for a specimen whose dimensions differ little from the nominal dimensions."""
+    """Return the stiffness of the simulated rod for a specimen with dimensions close to the nominal dimensions.
+
+    The difference from the nominal stiffness is linear in the logarithms of the dimensions.
+    """
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes

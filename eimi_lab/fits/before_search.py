@@ -78,7 +78,10 @@ _REMEDIES: dict[Slip, _Remedy] = {
 
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
-    """Return the message for a user about a mistake in the loads of a dataset, with the ways to correct it."""
+    """Return the message for a user about a mistake in the stated loads of a dataset, such as a reversed field.
+
+    The message contains the ways to correct the mistake.
+    """
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):

@@ -248,7 +248,7 @@ def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment 
 
 
 def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
-    """Return the loads of some states of a dataset. Raises InputError if the field does not fit the specimen."""
+    """Return the loads of some states of a dataset. Raises InputError if the field cannot be computed."""
     loads = Loads.along(
         [s.field_mT for s in states],
         dataset.field_angle_deg,

@@ -22,7 +22,7 @@ AnyFit = FitRecord | TensileRecord | RingDownRecord
 
 
 def check_solver(solver: str) -> str:
-    """Return the name of a finite-element program unchanged. Raises InputError if no fit can be written for it."""
+    """Check the name of a finite-element program, and return it. Raises InputError if there are no cards for it."""
     if solver not in SOLVERS:
         raise InputError(f"--to {solver}: should be one of {', '.join(SOLVERS)}")
     return solver
@@ -87,7 +87,7 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
 
 
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
-    """Return the material card of a fit for a finite-element program, as text.
+    """Return the material card of a fit (the input of a finite-element program) as text.
 
     Raises InputError for a law that the program lacks, or for a wrong bulk modulus.
     """

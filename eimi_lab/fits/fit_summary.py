@@ -67,7 +67,7 @@ def cause_lines(fit: FitRecord) -> list[str]:
 
 
 def what_is_fixed(fit: FitRecord) -> list[str]:
-    """Return lines on the quantities that the data of a fit determine."""
+    """Return lines on the parameters that the data of a fit determine, and on the bulk modulus if it was fitted."""
     lines = [fit.identifiability.statement]
     if fit.bulk_modulus:
         value, low, high = (
@@ -111,7 +111,7 @@ def tensile_remarks(fit: TensileRecord) -> list[str]:
 
 
 def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
-    """Return lines on cross-section, shape at rest, compressibility, measured field and temperatures of datasets."""
+    """Return lines on the datasets of a fit: cross-section, shape at rest, compressibility, field and temperatures."""
     remarks_of = (
         section_remark,
         rest_shape_remark,

@@ -155,9 +155,9 @@ def read_fits_file(path: str | Path) -> Fits:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Return the first fault of a pydantic error as `key: reason`.
+    """Return the first fault in a file that the package pydantic has found, as `key: reason`.
 
-    The names of the alternative types that pydantic tried for the value are left out.
+    pydantic also names the types that it tried for the value. These names are left out of the key.
     """
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]

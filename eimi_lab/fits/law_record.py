@@ -208,9 +208,9 @@ class LawRecord:
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of stress against strain in uniaxial tension with the 95 % band of the fit.
+        """Return a matplotlib figure of stress against strain of the fitted law in uniaxial tension, with a 95 % band.
 
-        The figure also shows strains beyond the data.
+        Strains beyond the data of the fit are shaded.
         """
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
@@ -218,7 +218,7 @@ class LawRecord:
         return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
 
     def summary(self) -> str:
-        """Return one line with the name of the law, and the initial shear modulus with its 95 % interval."""
+        """Return one line about a fit: the name of the law, and the initial shear modulus with its 95 % interval."""
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:

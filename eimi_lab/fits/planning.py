@@ -168,13 +168,13 @@ class Goal:
         )
 
     def in_words(self) -> str:
-        """Return the heading of the column with the expected results: the goal, with the unit of the results."""
+        """Return the goal of a planned run as the heading of a table column, with the unit of the expected results."""
         if self.rival:
             return f"comparison of {self.fit.model} with {self.rival.model}, expected difference of AIC"
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """Return an expected result of a run as text: a half-width in per cent, or a difference of AIC."""
+        """Return the expected result of a planned run as text: a half-width in per cent, or a difference of AIC."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 

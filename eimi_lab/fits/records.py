@@ -165,7 +165,7 @@ class DatasetReference(Record):
 
     @staticmethod
     def of(evidence: Evidence) -> DatasetReference:
-        """Return the entry for a dataset in the record of a fit."""
+        """Return the entry for a dataset in a result file: path, hash, used states and uncertainties."""
         return DatasetReference(
             path=str(evidence.path),
             sha256=evidence.sha256,
@@ -326,7 +326,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self
 
     def prior_squares(self) -> float:
-        """Return the sum of ((value - mean) / standard deviation)² over the priors on parameters."""
+        """Return the sum of ((value - mean) / standard deviation)² over the priors on parameters of the law."""
         values, law = np.array([self.values()]), LAWS[self.model]
         return sum(float(prior.standardised(law, values)[0]) ** 2 for prior in self.priors)
 

@@ -88,7 +88,7 @@ class Prediction(Generic[Law]):
 
     @property
     def has_equilibrium(self) -> bool:
-        """Return whether the beam has an equilibrium in all states."""
+        """Return whether the simulated beam has an equilibrium in all states of the dataset."""
         return self.validation.status == "ok"
 
     def in_words(self) -> str:

@@ -145,9 +145,9 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """Return the rows below the header, and the name of the material from the lines above the header.
+    """Return the rows of a tensile test from a file of the database, and the name of the material.
 
-    The name is None if these lines give no name.
+    The name is in the lines above the header of the columns; it is None if these lines give no name.
     """
     columns: list[str] | None = None
     material, rows = None, []

@@ -65,7 +65,7 @@ class RingDownRecord(LawRecord):
         return [*time_lines(self.time), *(f"doubt: {words}" for words in self.doubts_in_words())]
 
     def notes(self) -> list[str]:
-        """Return sentences on the datasets and on the viscoelastic (Prony) law."""
+        """Return sentences on a fit to ring-downs: its datasets and the viscoelastic (Prony) law."""
         return [*(f"{dataset.in_words()}." for dataset in self.datasets), *time_lines(self.time)[1:]]
 
 

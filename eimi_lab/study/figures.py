@@ -155,7 +155,7 @@ def _boxes(findings: Findings) -> Figure:
 def _overlays(findings: Findings) -> Figure:
     """Draw figure 8: measured and simulated edges in the strongest field for each type of specimen.
 
-    The figure also shows the tip of the left edge.
+    A small inset shows the end of the left edge enlarged.
     """
     keys, types = findings.inputs.extent.materials, findings.inputs.extent.types
     figure, grid = _grid(len(keys), len(types), max(3.0, 10.0 / len(types)), 3.2)

@@ -87,7 +87,7 @@ class Findings:
     answers: dict[str, Any]
 
     def routes(self, material: str, section: str) -> list[Route]:
-        """Return the identified laws of a material, in the order of `errors`.
+        """Return the identified laws of a material, in the order in which the attribute `errors` has their errors.
 
         The laws fitted to bending come first, and the laws fitted to tensile curves follow.
         """

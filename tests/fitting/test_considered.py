@@ -59,7 +59,7 @@ def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float
 
 
 def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
-    """Return the estimate of a neo-Hookean fit."""
+    """Return the estimate (values with intervals) of a neo-Hookean fit to these experiments, without search."""
     return estimated("neo-hookean", *experiments, free=free)
 
 
@@ -92,7 +92,7 @@ def thicker() -> Estimate:
 
 @pytest.fixture(scope="module")
 def magnetic() -> Estimate:
-    """The estimate of a beam whose file gives true values, and an uncertainty of 2 % for the magnetic moment."""
+    """The estimate of a fit: the file gives the true magnetic moment, with an uncertainty of 2 %."""
     return fitted(experiment(noisy_edges(), remanence=0.02))
 
 

@@ -73,7 +73,7 @@ def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, 
 
 
 def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correction(neo_hookean):
-    """A fit computes the correction by the finer mesh even if the beam is in an unstable equilibrium on this mesh."""
+    """A fit corrects its result by a finer mesh even if the equilibrium of the beam is unstable on the finer mesh."""
 
     def compared(experiments, unstable=False):
         return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))

@@ -66,7 +66,10 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the linearised objective of a fit with one unknown and a prior of precision `prior`, about its optimum."""
+    """Return the residuals of a fit with one unknown as linear functions of this unknown, with a prior.
+
+    prior: precision of the prior, the inverse of its variance.
+    """
     return Linearisation(
         unit=np.full(1, 0.5),
         objective_mm=1.0,

@@ -40,7 +40,7 @@ class TwoStiffnesses(NeoHookean):
     mu: np.ndarray | None = None
 
     def planar(self, parameters, a, J, section):
-        """Return the energy with the moduli `mu` of the elements; `parameters` is not used."""
+        """Return the neo-Hookean energy with the modulus of each element (`mu`); `parameters` is not used."""
         return super().planar(self.mu[:, None, None, None], a, J, section)
 
 

@@ -45,7 +45,10 @@ def alone():
 
 
 def estimated(priors: Sequence[Prior] = (), free: Sequence[NuisancePrior] = ()) -> Estimate:
-    """Return the estimate of a fit of SEEN with priors and freed inputs, which starts at 50 kPa, without search."""
+    """Return the estimate of a fit to the markers of this file, which starts at 50 kPa, without search.
+
+    priors: priors on parameters. free: uncertain inputs that the fit determines too.
+    """
     return refined("neo-hookean", [SEEN], 50e3, free=free, priors=priors).estimate
 
 

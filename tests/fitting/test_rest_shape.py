@@ -1,4 +1,4 @@
-"""Beams that are bent, tapered or stepped at rest agree with beam theory and keep their geometry."""
+"""Simulated beams that are bent, tapered or stepped at rest have the stated geometry and bend as in beam theory."""
 
 from dataclasses import replace
 

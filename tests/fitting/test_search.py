@@ -37,7 +37,7 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Return Rastrigin's function, which has many local minima around OPTIMUM (Mühlenbein et al. 1991).
+    """Return Rastrigin's function of n points; it has many local minima around its optimum (Mühlenbein et al. 1991).
 
     units: n points with d coordinates from 0 to 1, shape (n, d).
     """

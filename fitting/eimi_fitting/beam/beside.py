@@ -118,7 +118,7 @@ class SolidBeside:
         return SolidBeside, (self.specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def of(self, specimen: Specimen) -> SolidBeside:
-        """Return a `SolidBeside` of another specimen with the same numbers of elements."""
+        """Return the solid model of another specimen, with the same numbers of elements."""
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:

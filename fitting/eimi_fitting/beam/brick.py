@@ -254,7 +254,7 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE` elements."""
+    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE`, to save memory."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 

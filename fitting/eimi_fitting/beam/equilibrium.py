@@ -105,7 +105,7 @@ class Configuration:
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configurations of some candidate laws by those of another object, in place.
+        """Overwrite displacements, pressures and stresses of some candidate laws by those of ``other``, in place.
 
         Row i of ``other`` becomes the configuration of the candidate with the number ``rows[i]``.
         """
@@ -120,7 +120,7 @@ class Configuration:
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the weighted sum of several configurations of the same mesh and candidate laws."""
+    """Return the weighted sum of several configurations (displacements, pressures, stresses) of the same mesh."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -132,7 +132,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the configurations of several batches of candidate laws, in the given order, into one configuration."""
+    """Join the displacements, pressures and stresses of several batches of candidate laws, in the given order."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -320,7 +320,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return B configurations after a Newton step, and for each the largest move of a node, (B,) in mm."""
+        """Return the shapes of B candidate laws after a Newton step, and the largest move of a node, (B,) in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)

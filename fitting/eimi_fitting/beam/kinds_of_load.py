@@ -145,7 +145,7 @@ class Pressure:
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the pressure to the pressure on the face that other loads cause.
+        """Add the pressure to the sum of all pressures on the face.
 
         Raises
         ------

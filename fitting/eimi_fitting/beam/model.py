@@ -92,7 +92,7 @@ class BeamModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
-        """Pickle only the arguments, which are a thousand times smaller than the arrays of the model."""
+        """Pickle only the arguments from which the model is built; its arrays are a thousand times larger."""
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:

@@ -65,7 +65,7 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Return the projection of points (x, y, z) onto a tilted picture, (..., 2) in mm from the picture's centre."""
+        """Return where a tilted camera sees points (x, y, z): (..., 2) in mm from the centre of the picture."""
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle

@@ -142,7 +142,7 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """Return the least-squares fit of a set of terms; None if the columns of these terms are linearly dependent."""
+    """Return the least-squares fit of a set of terms; None if the effects of these terms are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
     prior = np.column_stack([np.zeros((q, k)), np.eye(q)])

@@ -120,7 +120,7 @@ class Discovery:
 
     @property
     def in_all(self) -> tuple[Term, ...]:
-        """Return the terms that all alternatives have in common."""
+        """Return the terms that occur in all laws that agree with the data (``alternatives``)."""
         return tuple(t for t in self.alternatives[0].terms if all(t in a.terms for a in self.alternatives))
 
     @property

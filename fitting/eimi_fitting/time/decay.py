@@ -383,7 +383,7 @@ def _rises_abruptly(size: Array, at: int, period: float) -> bool:
 
 
 def _without_end(signals: Signals, fitted: ModalFit) -> Signals:
-    """Return the signals without the frames at the end in which the amplitude is below the noise."""
+    """Return the signals without the last frames, in which the fitted vibration is smaller than the noise."""
     at_most = np.abs(fitted.linear[0]).max() + np.abs(fitted.linear[1]).max()
     time = signals.time_s - signals.time_s[0]
     size = at_most * np.exp(exponent(time, fitted.modes[0], fitted.bend).real)

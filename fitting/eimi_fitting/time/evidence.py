@@ -117,7 +117,7 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of ln(frequency) and loss factor of each mode, see `Evidence.residuals`."""
+        """Return the deviations of computed from measured ln(frequency) and loss factor, see `Evidence.residuals`."""
         at_rest = instantaneous_Pa * series.ratio(np.array([self.age_s]))[:, 0]
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -198,7 +198,8 @@ class Sag:
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
         """Return the sag in a recorded ring-down (a free vibration).
 
-        None if too few points were seen, or if the beam does not bend under its weight.
+        The sag is the bending under the weight of the beam, about which the beam vibrates. None if too few points were
+        seen, or if the beam does not bend under its weight.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)

@@ -268,7 +268,7 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Return the result of a least-squares fit from one start, by Levenberg and Marquardt's method (MINPACK).
+    """Fit the viscoelastic law by least squares from one start, by Levenberg and Marquardt's method (MINPACK).
 
     Returns the m unknowns at the optimum, (m,); the derivatives of all residuals by the unknowns, (k + m, m), for k
     residuals of the data and m of the priors; the number of evaluated candidates; and whether the fit converged.

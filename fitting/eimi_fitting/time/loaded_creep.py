@@ -56,12 +56,12 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Return the load curve through the moments at a few rotations of the tip, interpolated by splines.
+        """Return the moment of the loads as a function of the rotation of the tip, interpolated between a few points.
 
-        nominal: the rotations in rad and the moments of the loads, of the same length. A moment is divided by a
-        constant of the beam in m³, so that its unit is Pa rad and not N m. stronger: rotations and moments in a field
-        that is ``factor`` times as strong. The difference from the nominal moments gives the part of each moment that
-        the field causes.
+        The interpolation uses splines. nominal: the rotations in rad and the moments of the loads, of the same length.
+        A moment is divided by a constant of the beam in m³, so that its unit is Pa rad and not N m. stronger:
+        rotations and moments in a field that is ``factor`` times as strong. The difference from the nominal moments
+        gives the part of each moment that the field causes.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
@@ -92,7 +92,7 @@ class LoadCurve:
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the same curve, given by moments at equally spaced rotations."""
+        """Return the same load curve, given by the moments at equally spaced rotations of the tip."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 

@@ -87,7 +87,7 @@ class ModalFit:
 
     @staticmethod
     def first_of(signals: Signals, frequency: float) -> ModalFit:
-        """Fit one mode near a frequency in Hz. The fit starts from the best of several loss factors."""
+        """Fit one damped vibration near a frequency in Hz. The fit starts from the best of several loss factors."""
         start = np.array([np.log(2 * np.pi * frequency), 0.0])
         values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
         start[1] = _LOSSES[int(np.argmin(values))]
@@ -131,9 +131,9 @@ class ModalFit:
         return ModalFit(signals, fitted, bend, has_bend, chi2, noise, covariance, residual, linear)
 
     def widened(self, sigma: Array) -> ModalFit:
-        """Return the fit with larger uncertainties of the first mode.
+        """Return the fit with larger uncertainties of its first vibration.
 
-        sigma: added standard uncertainties of ln(frequency) and of the loss factor, (2,).
+        sigma: two standard uncertainties that are added in quadrature: of ln(frequency), and of the loss factor, (2,).
         """
         covariance = self.covariance.copy()
         covariance[:2, :2] += np.diag(sigma**2)
@@ -204,7 +204,7 @@ class ModalFit:
 
 
 def with_more_modes(fitted: ModalFit) -> ModalFit:
-    """Add modes to a fit, as long as a peak stands out from the spectrum of the residuals, and return the new fit."""
+    """Return the fit with further vibrations (modes), one for each clear peak in the spectrum of the residuals."""
     while len(fitted.modes) < _MOST_MODES:
         signals, n = fitted.signals, len(fitted.residuals)
         step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)

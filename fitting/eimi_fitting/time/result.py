@@ -340,7 +340,8 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 def _gain(before_Hz: float, after_Hz: float) -> float:
     """Return the derivative of ln(modulus) by ln(frequency) of a beam's vibration.
 
-    before_Hz, after_Hz: frequencies before and after an increase of the modulus by 5 %.
+    The derivative converts an error of the frequency to an error of the modulus. before_Hz, after_Hz: frequencies
+    before and after an increase of the modulus by 5 %.
     """
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
@@ -359,7 +360,7 @@ def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
 
 
 def _interval(value: float, drawn: Array) -> tuple[float, float]:
-    """Return the 95 % interval of the draws of a quantity, extended so that the interval contains ``value``."""
+    """Return the 95 % interval of random draws of a quantity, extended so that it contains the best value."""
     low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
     return float(min(low, value)), float(max(high, value))
 

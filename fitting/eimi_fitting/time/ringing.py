@@ -103,7 +103,7 @@ class RingingBeam:
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)
 
     def planar(self) -> BeamModel:
-        """Return the planar model of the specimen, whose modes are interpolated."""
+        """Return the planar beam model of the specimen, with which the modes of vibration are computed."""
         return BeamModel(self.specimen, plane=self.specimen.planar_section)
 
     def parameters(self, modulus_Pa: Array) -> Array:

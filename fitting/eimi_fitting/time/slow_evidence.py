@@ -145,9 +145,10 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the k residuals of P candidate laws, (P, k), from the computed rotations of the tip.
+        """Return the k residuals of the creep for P candidate laws, (P, k), from the computed rotations of the tip.
 
-        true: the rotations at the k times, (P, k) in rad.
+        A residual is the computed minus the measured rotation, without the mean of this difference, divided by its
+        standard uncertainty. true: the computed rotations at the k times of the recording, (P, k) in rad.
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR

@@ -118,7 +118,7 @@ def shown_rotations(
 
 
 def _places(beam: RingingBeam, rest_mm: Array) -> Array:
-    """Return the places of p points (p, 2) of the beam at rest, each moved to the nearest place inside the beam."""
+    """Return p points (x, y) of the beam at rest, (p, 2); a point outside the beam is moved to the nearest inside."""
     grid = beam.planar().grid
     straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
     half = 0.5 * grid.strip.straight.width_mm

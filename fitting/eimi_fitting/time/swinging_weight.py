@@ -103,7 +103,7 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
 
 
 def _squares(modes: Array) -> NDArray[np.complex128]:
-    """Return the squares of two complex angular frequencies, (2,).
+    """Return the squares of the complex angular frequencies of two damped vibrations, (2,).
 
     modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
     """

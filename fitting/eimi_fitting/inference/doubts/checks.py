@@ -324,12 +324,12 @@ def doubts(
 
 
 def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
-    """Return each experiment together with its residuals (the misfit) in the comparison ``final``."""
+    """Yield each experiment together with its residuals, which ``final`` contains for all experiments."""
     return zip(experiments, final.misfits, strict=True)
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the ratio of the root mean square residual to the stated noise, as the median over the states."""
+    """Return how many times the stated noise the residuals are: the median over the states of the ratio of both."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 

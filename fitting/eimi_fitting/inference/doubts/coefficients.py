@@ -120,7 +120,7 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the amplitude (the size of a cause, or of an input's deviation) that is coefficient number ``row``."""
+        """Return what coefficient number ``row`` is: the size of an error of the bench or of an input's deviation."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 

@@ -40,12 +40,12 @@ class Posterior:
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return the posterior of only some of the models (hypotheses)."""
+        """Return evidence and coefficients of only some of the models (hypotheses)."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the posteriors of several groups of models (hypotheses), one group after the other."""
+        """Join the results (evidence and coefficients) of several groups of models (hypotheses), in the given order."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 

@@ -101,9 +101,10 @@ def estimate_beside(
 
 
 def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
-    """Return the mean error in mm that remains with the most probable causes; None if it is not known.
+    """Return the mean error in mm that would remain if a fit took the most probable causes into account.
 
-    The mean error is the mean over the states of the root mean square residual.
+    A cause is a possible error of the bench. The mean error is the mean over the states of the root mean square
+    residual. None if it is not known.
     """
     if weighed.remaining is None:
         return None

@@ -235,7 +235,10 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """For each experiment, the simulation at the optimum on the mesh of the fit; None without an equilibrium."""
+        """For each experiment, the simulation at the optimum of the fit on the fine mesh of the fit.
+
+        An entry is None if the beam has no equilibrium. The other simulations of this class use a coarser mesh.
+        """
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)

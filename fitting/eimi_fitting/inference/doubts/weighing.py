@@ -72,7 +72,7 @@ class Weighing:
 
     A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two. Its model has
     unknown coefficients: the changes of the law, the deviations of the inputs, and the sizes of the causes. The
-    coefficients of all hypotheses are numbered together, in the order of ``Coefficients.rows``.
+    coefficients of all hypotheses are numbered together, in the order of `Coefficients`.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of the coefficients (unknown numbers) with the indices ``rows``."""
+        """Return the prior standard deviations of some coefficients, the unknown sizes of errors and deviations."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:

@@ -194,7 +194,7 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of measured from simulated points in mm, (P, K): P candidate laws, K states."""
+        """Root mean square distance of measured from simulated points in mm, for P laws in K states, (P, K)."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property

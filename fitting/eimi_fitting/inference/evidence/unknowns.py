@@ -91,7 +91,7 @@ class Nuisance:
 
     @property
     def unit(self) -> str:
-        """The unit of the deviation of this input, which is the unit of its entry in `SOURCES`."""
+        """The unit of the deviation of this uncertain input, such as mm or degrees."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:

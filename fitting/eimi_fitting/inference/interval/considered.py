@@ -67,12 +67,15 @@ class ConsideredSources:
 
     @property
     def standard_uncertainty(self) -> float:
-        """The standard uncertainty of the uncertain number, in the unit of its source; above zero."""
+        """The standard uncertainty of the uncertain number, such as a width, in the unit of the number; above zero."""
         return self.shared.standard_uncertainty or 0.0
 
     @property
     def freed(self) -> Nuisance:
-        """The uncertain number as an unknown of a fit, with its standard uncertainty as prior standard deviation."""
+        """The uncertain number, such as a width, as an unknown that a fit could determine.
+
+        Its standard uncertainty is the standard deviation of its prior.
+        """
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 

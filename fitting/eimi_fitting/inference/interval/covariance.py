@@ -177,7 +177,7 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The Hessian of minus the log-priors on the law's parameters in n unknowns, shape (n, n)."""
+        """The information of the priors on the law's parameters: the Hessian of minus their logarithm, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property

@@ -305,7 +305,8 @@ def _ends(
 ) -> Ends:
     """Return the ends of the 95 % intervals of all unknowns.
 
-    The profile likelihood corrects the ends of the unknowns with the indices ``checked``.
+    ``half_width`` has half of the width of each interval for a quadratic log-likelihood. For the unknowns with the
+    indices ``checked``, the ends are computed by the profile likelihood instead.
     """
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)

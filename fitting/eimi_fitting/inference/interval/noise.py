@@ -92,7 +92,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the change of the optimum by a better beam model that remains uncertain."""
+        """Share of the change by a better beam model that remains uncertain, because the better model is not exact."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -123,7 +123,7 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one sentence for each uncertain input of the problem whose effect the intervals do not contain."""
+        """Return a sentence for each uncertain input of the fit whose effect the intervals do not contain."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
@@ -199,7 +199,7 @@ def _mean_mm(states: Sequence[LinearStates]) -> float:
 
 
 def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
-    """Return the number N of independent points of all experiments, from the residuals of ``states``."""
+    """Return how many points of all experiments count as independent, although neighbouring residuals are similar."""
     return sum(
         float(linear.used.sum()) / point_correlation(linear.residuals, linear.used, experiment.observed)
         for linear, experiment in zip(states, problem.experiments, strict=True)
@@ -302,7 +302,10 @@ def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
-    """Return the sum of the squared deviations of all uncertain inputs, in standard uncertainties."""
+    """Return the sum of the squared deviations of all uncertain inputs from their stated values.
+
+    A deviation is counted in standard uncertainties of the input.
+    """
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -366,6 +369,6 @@ def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> li
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals in mm, and with the root mean square of these residuals in each state."""
+    """Return linearised states with other residuals (mm), and with the errors that follow from these residuals."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

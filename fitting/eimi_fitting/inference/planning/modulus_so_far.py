@@ -155,7 +155,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate of the modulus from all states of the experiment."""
+    """Return the estimate of the modulus from all states measured so far, starting at the estimate ``before``."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -232,7 +232,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the evidence (the edges) linearised at the optimum, in which all residuals count as noise."""
+    """Return the residuals of the edges, linearised at the optimum; all residuals count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

@@ -25,7 +25,7 @@ class _Absent(MetaPathFinder):
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for a hidden package; return None for other modules and threads."""
+        """Raise ModuleNotFoundError for a hidden package, so that its import fails; return None in all other cases."""
         if name in _UNUSED and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
 

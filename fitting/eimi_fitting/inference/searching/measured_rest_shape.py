@@ -199,7 +199,10 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with amplitudes of modes, in mm, added to the rest shape of its specimen."""
+    """Return the experiment with smooth deviations (modes) added to the rest shape of its specimen.
+
+    ``amplitudes`` has the size of each deviation in mm.
+    """
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 

@@ -58,17 +58,17 @@ class Scan:
 
     @property
     def best_mm(self) -> float:
-        """The smallest objective of all moduli, in mm."""
+        """The smallest error (objective of the fit) of all moduli of the scan, in mm."""
         return float(self.objective_mm.min())
 
     @property
     def best_Pa(self) -> float:
-        """The modulus with the smallest objective, in Pa."""
+        """The modulus of the scan with the smallest error (objective of the fit), in Pa."""
         return float(self.moduli_Pa[np.argmin(self.objective_mm)])
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective in mm of the largest modulus, at which the displacement is too small to be measured."""
+        """The error in mm with the largest modulus of the scan, at which the simulated beam hardly bends."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
@@ -129,7 +129,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the problem with new bounds of the modulus: ``bounds_Pa``, lower and upper bound in Pa."""
+    """Return the fit (problem) with new bounds of the modulus: ``bounds_Pa``, lower and upper bound in Pa."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -137,7 +137,7 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Evaluate candidates with S moduli in Pa; every other coordinate of the law is in the middle of its range."""
+    """Compare beams of S moduli (Pa) with the data; the law's other parameters are in the middle of their range."""
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 

@@ -42,7 +42,7 @@ class Values(Protocol):
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives of P candidates in mm, (P,); a very large number (`DISCARDED_MM`) for an invalid candidate."""
+        """The objectives of P points in mm, (P,), to be minimised; `DISCARDED_MM`, a large number, if invalid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
@@ -297,7 +297,7 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation to the history, and call the function ``progress`` of `search` with it."""
+        """Add one generation of candidates to the history, and report it to the caller's function ``progress``."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -317,7 +317,7 @@ class _Log:
             self._progress(self.history[-1], objectives)
 
     def result(self) -> SearchResult:
-        """Return the result of the search."""
+        """Return the best candidate of the search so far, with the history."""
         return SearchResult(
             unit=self._best_unit,
             objective_mm=self._best,
