@@ -127,25 +127,26 @@ class Ranked:
 
     @property
     def true(self) -> frozenset[str]:
-        """The names of the true causes: one, or two for a bench with two imperfections."""
+        """The names of the true causes of the residuals: one, or two for a bench with two imperfections."""
         return frozenset(self.cause.split("+"))
 
     @property
     def is_first(self) -> bool:
-        """Whether the true cause has rank 1, or the two true causes have the ranks 1 and 2."""
+        """Whether the true cause of the residuals has rank 1, or the two true causes have the ranks 1 and 2."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true)]}
 
     @property
     def is_second(self) -> bool:
-        """Whether the true cause is among the first two causes, or the two true causes are among the first three."""
+        """Whether the true cause of the residuals has rank 1 or 2, or the two true causes are among the first three."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true) + 1]}
 
     @property
     def is_declared(self) -> bool:
         """Whether the true cause is the most probable one, or cannot be distinguished from it by the data.
 
-        Two true causes must be the first two, or each of the two most probable classes must contain one of them. A
-        class contains causes that the data cannot distinguish.
+        A cause is a property of the bench that differs from its files, and a class contains causes that the data
+        cannot distinguish. If there are two true causes, they must be the first two, or each of the two most probable
+        classes must contain one of them.
         """
         return self.is_first or self._is_in_first_classes(len(self.true))
 
@@ -153,8 +154,9 @@ class Ranked:
     def is_declared_second(self) -> bool:
         """Whether the true cause is in one of the two most probable classes, or is one of the first two causes.
 
-        A class contains causes that the data cannot distinguish. With two true causes, two of the three most probable
-        classes must contain one of them, or both must be among the first three causes.
+        A cause is a property of the bench that differs from its files, and a class contains causes that the data
+        cannot distinguish. If there are two true causes, two of the three most probable classes must contain one of
+        them, or both must be among the first three causes.
         """
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
@@ -164,7 +166,7 @@ class Ranked:
 
     @property
     def wrong(self) -> float:
-        """Largest probability that the fit gives to a cause that is not true."""
+        """Largest probability that the fit gives to a cause that the simulated bench does not have."""
         return max((e.probability for e in self.causes if e.name not in self.true and e.name != NONE), default=0.0)
 
     @property

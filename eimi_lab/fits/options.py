@@ -138,7 +138,7 @@ class FitOptions:
         }
 
     def head(self) -> dict[str, Any]:
-        """Return the options for the first line of a checkpoint, with the hash of each file in place of the file."""
+        """Return the options for the first line of a checkpoint, the log of a fit; a hash replaces each file."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:

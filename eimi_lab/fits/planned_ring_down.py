@@ -160,11 +160,11 @@ def expected_ring_down(
 def _effects_percent(
     beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
 ) -> dict[str, float]:
-    """Return the change of the dynamic modulus (%) if an uncertain input is larger by its standard uncertainty.
+    """Return the change of the modulus from a ring-down (%) if an input is larger by its standard uncertainty.
 
-    The result maps the name of each input to the change, which has a sign. `frequency_Hz` is the frequency of the beam
-    for the shear modulus `modulus` (Pa). `gain` is the relative change of the modulus, divided by the relative change
-    of the frequency.
+    A ring-down is a free vibration. The result maps the name of each uncertain input, such as the width, to the
+    change, which has a sign. `frequency_Hz` is the frequency of the beam for the shear modulus `modulus` (Pa). `gain`
+    is the relative change of the modulus, divided by the relative change of the frequency.
     """
     effects: dict[str, float] = {}
     for one in stated:

@@ -66,7 +66,7 @@ class StateError(Record):
 
     @staticmethod
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
-        """Return the record of each of the K used states of a dataset.
+        """Return error and deviation of a fit in each of the K used states of a dataset, as a result file holds them.
 
         `error_mm`, shape (K,), is the root mean square distance of measured from simulated points in each state, and
         `deviation_mm` is the standard deviation of these distances. `dataset` is the index of the dataset in the fit.
@@ -428,9 +428,9 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt (reason to distrust the fit) in which the number of the state is its number in the dataset.
+    """Return a doubt (reason to distrust the fit) with the number that its state has in the dataset.
 
-    In the argument, this number counts only the states that the fit used.
+    In the argument, the states are numbered without those that the fit left out.
     """
     if doubt.dataset is None or doubt.state is None:
         return doubt

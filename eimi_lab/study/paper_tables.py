@@ -373,7 +373,7 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a sentence with the smallest sufficient number of states.
+    """Return a sentence with the number of states that a fit needs to determine the modulus within 1 %.
 
     With this number of states, the half-width of the 95 % interval of the modulus is at most 1 %.
     """

@@ -85,7 +85,8 @@ THICKER = replace(BEAM, width_mm=3.03)
 def thicker() -> Estimate:
     """The estimate of a beam whose width differs from the width in its file by 1.5 standard uncertainties.
 
-    It is the estimate of a whole fit. The other estimates in this file start near the optimum.
+    The fit is a whole fit. The fits of the other estimates in this file leave out the search, and start near the
+    optimum.
     """
     return identify("neo-hookean", [experiment(noisy_edges(THICKER), width=0.02)])
 

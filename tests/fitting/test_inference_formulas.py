@@ -631,11 +631,11 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """A function for the deviance, from which the ends of intervals are computed, and its linearised residuals.
+    """Two objects: a function that computes the deviance of a fit, and the linearised residuals of this fit.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. The residuals are linear in two unknowns.
-    There is a prior on the law, and a weak prior in place of the bounds of the search. A candidate (values of the
-    unknowns) whose first unknown is above 0.9 is not valid.
+    The ends of intervals are computed from the deviance. The deviance is twice the decrease of the log-likelihood from
+    its maximum. The residuals are linear in two unknowns. There is a prior on the law, and a weak prior in place of
+    the bounds of the search. A candidate (values of the unknowns) whose first unknown is above 0.9 is not valid.
     """
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))

@@ -47,7 +47,7 @@ def test_a_path_keeps_its_last_states_only() -> None:
 
 
 def test_states_solved_together_need_memory_for_a_block_only() -> None:
-    """States that are solved together need memory only for a block of states.
+    """States that are solved together need memory only for a block, the group of states that is computed at a time.
 
     The element stiffness matrices of all states together would need a hundred times the memory of the nodes.
     """
@@ -56,7 +56,7 @@ def test_states_solved_together_need_memory_for_a_block_only() -> None:
 
 
 def test_states_are_compared_in_blocks() -> None:
-    """Measured edges are compared with simulated edges in blocks of states, so that the memory hardly grows.
+    """Measured and simulated edges are compared in groups of states (blocks), so that the memory hardly grows.
 
     With an ordinary lens, both faces of every state are compared at several depths, which needs large arrays.
     """

@@ -114,9 +114,11 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Solve a solid beam with each set of parameters of the law `name` in 6 and in 3 load steps; compare with 24.
+    """Count how often a solid beam reaches a wrong equilibrium, because the field is increased in few load steps.
 
-    Return how many solutions reach another equilibrium, how many fail, and how many there are.
+    Each set of parameters of the law `name` is solved in 6 and in 3 load steps, and compared with the solution in 24
+    steps. Return the number of solutions with another equilibrium, the number of failed solutions, and the number of
+    all solutions.
     """
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)

@@ -113,7 +113,7 @@ class FieldTable:
         if nearest < 3 * (places[1] - places[0]):
             raise ValueError(
                 f"a coil loop of radius {radius_mm:g} mm lies {nearest:.2g} mm from a place that the beam may reach, "
-                "where its field is almost infinite: check the radius, the gap and the centre of the "
+                "where the field of the loop is almost infinite: check the radius, the gap and the centre of the "
                 "coil"
             )
         radial, axial = np.sum([loop_field(1e-3 * across, 1e-3 * end, 1e-3 * radius_mm) for end in ends], axis=0)

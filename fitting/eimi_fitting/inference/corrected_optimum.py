@@ -207,7 +207,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Correct the residuals of a problem by a better beam model; return the corrected problem and its new optimum.
+    """Correct the residuals of a fit (problem) by a better beam model; return the corrected fit and its new optimum.
 
     ``better`` has the residuals of the better model at ``optimum``, the optimum of the problem ``now``. The difference
     of the residuals of both models is added to the residuals of the problem as a constant.
@@ -275,9 +275,10 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return the problem ``changed`` and its optimum, computed from the optimum of the problem ``now``.
+    """Compute the optimum of a fit after a change of its corrections by better beam models.
 
-    The two problems differ only in the corrections of their residuals by better beam models.
+    ``now`` is the fit before the change, with its optimum, at which Gauss-Newton starts. ``changed`` is the fit after
+    the change, which is returned with its optimum.
     """
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)

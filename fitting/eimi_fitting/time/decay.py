@@ -301,8 +301,8 @@ def _lasting(values: Array, size: int) -> Array:
 def _uniform(signals: Signals) -> tuple[Array, Array]:
     """Interpolate the reduced signals at n evenly spaced times; return the times in s, (n,), and the signals, (n, r).
 
-    The r reduced signals are the few independent signals whose linear combinations give the motion of all points of the
-    beam (`Signals.reduced`).
+    The Fourier transform needs even distances in time. The r reduced signals are the few independent signals whose
+    linear combinations give the motion of all points of the beam (`Signals.reduced`).
     """
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))

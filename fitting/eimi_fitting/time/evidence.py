@@ -46,8 +46,8 @@ class Evidence(Protocol):
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the k residuals of P candidate laws, each divided by its standard uncertainty, (P, k).
 
-        A candidate consists of an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a factor on
-        the magnetic loads.
+        A residual is the deviation of a computed from a measured number. A candidate consists of an instantaneous
+        shear modulus (Pa), a Prony series, and the logarithm of a factor on the magnetic loads.
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:

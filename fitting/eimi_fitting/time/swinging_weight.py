@@ -103,7 +103,7 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
 
 
 def _squares(modes: Array) -> NDArray[np.complex128]:
-    """Return the squares of the complex angular frequencies of two damped vibrations, (2,).
+    """Return the squares of the complex angular frequencies of the two vibrations that a swinging weight causes, (2,).
 
     modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
     """
@@ -124,7 +124,8 @@ def _shares(modes: Array) -> Array:
 def _alone(modes: Array) -> Array:
     """Return ln(angular frequency) and the loss factor of the beam with a weight that does not swing, (2,).
 
-    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    They are computed from the two vibrations that the swing of the weight causes. modes: ln(angular frequency) and
+    loss factor of the first of them, then of the second one, (4,).
     """
     squares, shares = _squares(modes), _shares(modes)
     if abs(modes[2] - modes[0]) > np.log(_APART):

@@ -207,10 +207,10 @@ class Comparison:
 
     @property
     def objective_mm(self) -> Array:
-        """Mean over all states of ``error_mm``, for P candidate laws, shape (P,), in mm.
+        """Mean over all states of the root mean square distance of measured from simulated points, (P,) in mm.
 
-        The value is a very large number (`DISCARDED_MM`) for a candidate without an equilibrium or with an unstable
-        law.
+        There are P candidate laws. The value is a very large number (`DISCARDED_MM`) for a candidate without an
+        equilibrium or with an unstable law.
         """
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
@@ -331,7 +331,7 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the distances of the measured points from the simulated edges of all candidates (the misfit).
+    """Return the distances of the measured points from the edges of all simulated sets of unknowns (candidates).
 
     Candidates with the same lens form a group. ``seen`` has, for each group, the indices of its candidates and the
     deviations of the lens; the edges are projected with this lens.
@@ -358,7 +358,7 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the simulated shapes of all candidates.
+    """Return the simulated shapes of all candidates (sets of values of the unknowns).
 
     Candidates with the same law and the same field have the same shape, even if they assume different positions of the
     camera. Only one of them is solved.

@@ -99,9 +99,9 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return the vector of the segment nearest to each point, as two arrays: x (b, n) and y (b, n).
+        """Return the vector in ``of_segment`` that belongs to the segment nearest to each point: x (b, n) and y (b, n).
 
-        ``of_segment`` (b, S, 2) has one vector for each of the S segments of the b curves, such as the middle of the
+        ``of_segment`` (b, S, 2) has one vector for each of the S segments of b curves, such as the middle of the
         segment. There are n points for each curve. x and y are separate arrays, because operations on an array with an
         axis of length two are slower.
         """

@@ -415,9 +415,9 @@ SOURCES: dict[str, Source] = {
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
     """Return the specimen with given deviations of its dimensions and materials from their stated values.
 
-    The keys of ``deviations`` are keys of `SOURCES`. A value has one number for each part of the input, such as x and
-    y, shape (parts,). The point of a tip force keeps its position relative to length and width, so that it stays on the
-    specimen.
+    The keys of ``deviations`` are the names of uncertain inputs (the keys of `SOURCES`), such as "width". A value has
+    one number for each part of the input, such as x and y, shape (parts,). The point of a tip force keeps its position
+    relative to length and width, so that it stays on the specimen.
     """
     specimen = before
     for key, deviation in deviations.items():
@@ -433,8 +433,8 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
     """Return the loads with given deviations of gravity and field from their stated values.
 
-    The keys of ``deviations`` are keys of `SOURCES`. A value has one number for each part of the input, such as the x
-    and y components, shape (parts,).
+    The keys of ``deviations`` are the names of uncertain inputs (the keys of `SOURCES`). A value has one number for
+    each part of the input, such as the x and y components, shape (parts,).
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
@@ -445,8 +445,8 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
     """Return the view of the lens with given deviations of stand-off and tilt from their stated values.
 
-    The stand-off is the distance of the lens from the beam. The keys of ``deviations`` are keys of `SOURCES`. A value
-    has one number for each part of the input, shape (parts,).
+    The stand-off is the distance of the lens from the beam. The keys of ``deviations`` are the names of uncertain
+    inputs (the keys of `SOURCES`). A value has one number for each part of the input, shape (parts,).
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
