@@ -45,9 +45,11 @@ def pytest_xdist_auto_num_workers() -> int:
 # A worker runs whole files. The slowest files start first, so that no worker is still busy with a slow file at the end.
 _LONGEST = (
     "test_aravis_faults.py",  # this file waits for timeouts, and other files need its emulated camera
-    *("test_docs.py", "test_chain.py", "test_fit_grid.py", "test_bench_view.py", "test_joint_evidence.py"),
-    *("test_validate.py", "test_recovery.py", "test_examples.py", "test_off_campaign.py", "test_considered.py"),
-    *("test_without_hardware.py", "test_named_causes.py", "test_guardian.py", "test_killed_runs.py", "test_study.py"),
+    *("test_docs.py", "test_bench_view.py", "test_fit_grid.py", "test_chain.py", "test_off_campaign.py"),
+    *("test_causes.py", "test_programs.py", "test_report.py", "test_guided_way.py", "test_guardian.py"),
+    *("test_fit_auxiliary.py", "test_live_camera.py", "test_supply_conformance.py", "test_importing_hostile.py"),
+    *("test_events.py", "test_vision_following.py", "test_without_hardware.py", "test_examples.py", "test_recovery.py"),
+    *("test_lossy_camera.py", "test_bench.py", "test_law_of_time.py", "test_types.py", "test_killed_runs.py"),
 )
 
 

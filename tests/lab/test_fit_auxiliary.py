@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,18 @@ section = "plane-strain"
 """
 
 
+FORCES_N = (0.0, 0.001, 0.002)
+REST_MM = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
+
+
+@cache
+def bent_places() -> np.ndarray:
+    """Return the places of nine points on the bent strip under FORCES_N, with noise: x and y in mm, shape (3, 9, 2)."""
+    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
+    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, FORCES_N))
+    return model.positions(shapes, REST_MM)[0] + np.random.default_rng(0).normal(0, 0.005, (3, 9, 2))
+
+
 def write_points(folder: Path, change=lambda places: places) -> None:
     """Write states.csv, points.csv and strip.toml of a horizontal silicone strip under three tip forces.
 
@@ -45,18 +58,14 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
     change: function that alters the coordinates of the points, shape (3, 9, 2): states, points, x and y in mm.
     """
-    model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
-    forces = [0.0, 0.001, 0.002]
-    shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, forces))
-    rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
-    places = change(model.positions(shapes, rest)[0] + np.random.default_rng(0).normal(0, 0.005, (3, 9, 2)))
+    places = change(bent_places().copy())
     rows = [
-        f"{k},p{i},{rest[i, 0]},{rest[i, 1]},{x:.6f},{y:.6f},0.005"
+        f"{k},p{i},{REST_MM[i, 0]},{REST_MM[i, 1]},{x:.6f},{y:.6f},0.005"
         for k, state in enumerate(places)
         for i, (x, y) in enumerate(state)
     ]
     (folder / "points.csv").write_text("\n".join(["state,point,x0_mm,y0_mm,x_mm,y_mm,sigma_mm", *rows]) + "\n")
-    states = [f"{k},0.0,{force}" for k, force in enumerate(forces)]
+    states = [f"{k},0.0,{force}" for k, force in enumerate(FORCES_N)]
     (folder / "states.csv").write_text("\n".join(["state,field_mT,tip_force_N", *states]) + "\n")
     (folder / "strip.toml").write_text(SPECIMEN)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ FIELD_MT = (0.0, 3.0, 6.0)
 REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 
+@cache
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
     """Return the coordinates (x, y) in mm of six points on a beam in three fields, shape (3, 6, 2).
 

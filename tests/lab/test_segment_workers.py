@@ -101,7 +101,7 @@ def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
 
     A terminal sends Ctrl-C to all processes at once; when it is closed, it sends the hang-up signal.
     """
-    path = imported(run, files, [frame(seed) for seed in range(20)] * 8)
+    path = imported(run, files, [frame(seed) for seed in range(20)] * 3)
     before = path.read_bytes()
     process = subprocess.Popen(
         [sys.executable, "-m", "eimi_lab", "segment", str(path), "--workers", "2"],
@@ -113,7 +113,7 @@ def test_a_signal_to_all_workers_ends_all_of_them_with_one_line(
         ),  # a test that runs in the background ignores this signal
     )
     assert process.stderr is not None
-    assert process.stderr.readline().startswith("segment 1/160: ")
+    assert process.stderr.readline().startswith("segment 1/60: ")
     os.killpg(process.pid, number)
     lines = process.communicate(timeout=PATIENCE_S)[1].splitlines()  # reads until the last process has ended
     assert process.returncode == 128 + number
