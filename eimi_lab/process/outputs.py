@@ -171,13 +171,12 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def _put(file: Path, path: Path) -> None:
-    """Move a file to ``path``. If ``path`` is a symbolic link, replace the file to which the link leads."""
+    """Move a file to ``path``. If ``path`` is a symbolic link, copy it over the file to which the link leads."""
     if not path.is_symlink():
         replace(file, path)
         return
     with whole_file(path, force=True) as temporary:
         shutil.copyfile(file, temporary)
-    remove(file)
 
 
 def write_whole(file: Path, content: bytes) -> None:
