@@ -68,6 +68,36 @@ def test_one_run_ends_near_the_optimum_and_reports_why_it_stopped(n, seed):
         assert generation.axis_ratio >= 1
 
 
+def test_discarded_candidates_are_counted_in_each_generation_and_left_out_of_its_mean():
+    """Candidates with a first coordinate above 0.5 have no equilibrium, or the law is unstable if it is above 0.6."""
+
+    @dataclass(frozen=True)
+    class Parted(Values):
+        first: Array
+
+        @property
+        def unconverged(self) -> NDArray[np.bool_]:
+            return (self.first > 0.5) & (self.first <= 0.6)
+
+        @property
+        def unstable(self) -> NDArray[np.bool_]:
+            return self.first > 0.6
+
+    def parted(units: Array) -> Values:
+        first = units[:, 0]
+        return Parted(np.where(first > 0.5, DISCARDED_MM, valley(units).objective_mm), first)
+
+    seen: list[tuple[Generation, Objectives]] = []
+    result = search(parted, 2, seed=1, enough_mm=0.1, progress=lambda *generation: seen.append(generation))
+    assert result.discarded.unconverged == sum(int(values.unconverged.sum()) for _, values in seen) > 0
+    assert result.discarded.unstable == sum(int(values.unstable.sum()) for _, values in seen) > 0
+    for generation, values in seen:
+        every = np.array(values.objective_mm)
+        assert generation.discarded == (every == DISCARDED_MM).sum()
+        if generation.discarded < len(every):
+            assert generation.mean_mm == pytest.approx(every[every < DISCARDED_MM].mean())
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_beam_that_hardly_moved_is_searched_to_a_smaller_error(seed):
     result = search(lambda units: Values(1e-2 * np.abs(units[:, 0] - OPTIMUM[0])), 1, seed=seed, enough_mm=1e-4)
