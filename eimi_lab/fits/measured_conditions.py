@@ -40,11 +40,11 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
     """Return the standard uncertainties of a measured field: one of its scale factor, and one of its offset.
 
-    A fit assumes that the errors of the scale factor and of the offset are the same in all states. After readings of a
-    gaussmeter, their uncertainties are those of the slope and of the offset of the line of field against current.
-    Imported data may instead give one uncertainty for each state. Then the scale factor has the relative uncertainty of
-    the strongest field, and the offset has the uncertainty of the weakest field. The result is empty if the field was
-    not measured.
+    A fit assumes that the errors of the scale factor and of the offset are the same in all states. If the field was
+    read from a gaussmeter, a line of field against current was fitted, and the uncertainties of its slope and of its
+    offset are returned. Imported data may instead give one uncertainty for each state. Then the scale factor has the
+    relative uncertainty of the strongest field, and the offset has the uncertainty of the weakest field. The result is
+    empty if the field was not measured.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

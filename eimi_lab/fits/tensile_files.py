@@ -130,7 +130,7 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return the name of the column of strain, or of stress, that the header of a file contains.
+    """Return which column of a file contains the strain (or the stress): its name in the header.
 
     `names` contains the permitted names, each with the factor of its unit. Raises InputError if the header contains
     none or several of them.

@@ -150,10 +150,10 @@ def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     The swing changes both numbers from one time window to the next. Two estimates of the error are made for each
     number, and the larger one is returned:
 
-    - How far do the used windows deviate from the vibration that was fitted to all of them? Twice the standard
-      uncertainty of a window is subtracted from its deviation, and the largest result is the estimate. Windows with
+    - The deviation of each used window from the vibration that was fitted to all used windows. Twice the standard
+      uncertainty of the window is subtracted, and the largest result is the estimate. Windows with
       small amplitudes are left out, because the swing is the larger part of the motion there.
-    - How large is the change from the last used window to the first unused one? Half of it is the estimate.
+    - Half of the change from the last used window to the first window that is not used.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
     and loss factor of the fitted vibration.

@@ -43,12 +43,14 @@ nearly the same signature share their probability equally (`inference.doubts.col
 The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
 along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
 only in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from
-the linear model is added to r (Gauss-Newton). The simulation has two errors, which are added to the noise under every
-hypothesis. One is the error that remains after the corrections by better models. The other is 1 per cent of the effect
-of each dx, s_a and deviation of an input on the residuals, with the values of the most probable hypothesis. These
-errors are smooth along an edge and alike in states of similar loads, as d is. If they were assumed independent from
-state to state, they would be too small on average over many states, and a second cause would then explain the rest with
-a probability near one.
+the linear model is added to r (Gauss-Newton).
+
+Errors of the simulation. Two errors are added to the noise under every hypothesis. The first error remains after the
+corrections by better models. The second comes from the simulated changes of the residuals, by dx, by s_a and by
+deviations of inputs: each change is assumed to be wrong by 1 per cent. Its size is computed for the most probable
+hypothesis. Both errors are smooth along an edge and alike in states of similar loads, as d is. Errors that are
+independent from state to state would cancel on average over many states, and a second cause would then wrongly explain
+the rest.
 """
 
 from __future__ import annotations
@@ -140,9 +142,9 @@ class Weighed:
     beside_the_fit : float
         Probability that at least one cause is present which the fit has not taken into account.
     remaining : tuple of ndarray, shape (K, G, m), or None
-        For each experiment, the residuals in mm that remain with the most probable hypothesis, for G groups (edges, or
-        x and y) of m points in K states. None if the beam model finds no equilibrium. Also None if this hypothesis is
-        the fit itself: exact inputs, and no cause that the fit has not taken into account.
+        The residuals in mm that remain with the most probable hypothesis. Each experiment has one array, for G groups
+        (edges, or x and y) of m points in K states. None if the beam model finds no equilibrium. Also None if this
+        hypothesis is the fit itself: exact inputs, and no cause that the fit has not taken into account.
     as_stated : float
         Probability that no cause is present. A deviation of an input within its stated uncertainty is no cause.
     """

@@ -299,9 +299,9 @@ def doubts(
     Returns
     -------
     tuple of Doubt
-        One doubt for each sentence of ``missing``, for each dataset with residuals of more than ten times the stated
-        uncertainty that the stated inputs do not explain, and for each state with more than five times the median
-        error.
+        One doubt for each sentence of ``missing``. One doubt for each dataset whose residuals exceed ten times the
+        stated uncertainty, unless deviations of inputs explain them. One doubt for each state whose error exceeds five
+        times the median error of all states.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):

@@ -45,9 +45,10 @@ class Coefficients:
         Number of coefficients in the first block (``law``), in the first two blocks (``simulated``), and in the first
         three blocks (``common``).
     of_inputs, of_causes : list of list of int
-        Row indices of the coefficients of each uncertain input and of each cause.
+        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the numbers of its coefficients.
     columns : list of Column
-        The amplitudes of the inputs and then of the causes.
+        The amplitudes of the inputs, then those of the causes. An amplitude is the size of one part of a deviation or
+        of a cause, such as a shift in x.
     remaining : ndarray, shape (E, N)
         Changes of the data in mm by the standard uncertainties of E corrections by better beam models.
     """
@@ -84,7 +85,8 @@ class Coefficients:
         effects : sequence of Effect
             The corrections by better beam models.
         stated, columns_by_cause : mapping of PossibleCause to sequence of Column
-            The amplitudes of each uncertain input and of each cause.
+            For each uncertain input (``stated``) and each cause, its amplitudes: the sizes of its parts, such as x and
+            y.
         """
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]

@@ -92,9 +92,9 @@ def shared_equally(
     Parameters
     ----------
     score : ndarray, shape (H,)
-        Logarithm of the probability of each of H hypotheses, from the probability density of the residuals.
+        Logarithms of the probabilities of H hypotheses, before they are shared.
     hypotheses : sequence of tuple of int
-        Indices of the causes of each hypothesis.
+        For each hypothesis, the indices of its causes.
     is_uncertain : ndarray of bool, shape (H,)
         Whether the inputs of each hypothesis deviate within their stated uncertainties.
     of_causes : sequence of tuple of int

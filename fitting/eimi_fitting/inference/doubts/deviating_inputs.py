@@ -44,8 +44,8 @@ class Deviation:
         Size of the deviation in the unit of the cause. If it has several parts (such as x and y), the root of the sum
         of their squares, with the sign of the largest part.
     moved : float
-        Change by the deviation of the first unknown of the law, which determines the modulus, in unit coordinates (0 to
-        1).
+        How far the deviation moves the first unknown of the law, which determines the modulus. The unknown is given as
+        a number from 0 to 1 between its bounds (unit coordinate).
     like : tuple of int
         Indices of other causes that the residuals do not distinguish from this cause.
     """

@@ -1,10 +1,12 @@
 """Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
 
 Possible errors of the bench change the residuals smoothly along an edge (`inference.doubts.causes`). A few coefficients
-describe such changes completely. The remainder of the residuals gives level and correlation of the noise. The
-unexplained part of the residuals (neither noise nor the effect of a listed cause) is similar in states with similar
-loads and on both edges, so that its coefficients for different states and edges are correlated. The coefficients are
-therefore replaced by linear combinations that are not correlated, such as the sum and the difference of the two edges.
+describe such changes completely. The rest of the residuals, which is not smooth, gives the size and the correlation of
+the noise.
+
+A smooth part of the residuals may be unexplained: neither noise nor the effect of a listed error. It is similar on
+both edges and in states with similar loads, so that its coefficients are correlated. The coefficients are therefore
+replaced by linear combinations that are not correlated, such as the sum and the difference of the two edges.
 """
 
 from __future__ import annotations
@@ -74,13 +76,13 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variance of the N coefficients in mm^2, (N,), due to C random errors smooth along each edge.
+        """Return the variances in mm^2, (N,), that C errors of the simulation cause in the N coefficients.
 
         The coefficients describe the residuals by polynomials along each edge. Row c of ``moves`` (C, N) has the
-        changes of the coefficients by error c, in mm. Their root mean square in an experiment is the size of the error
-        there; the shape of the error is assumed smooth but unknown. Such an error of the size 1 mm gives the variances
-        ``error``. Other variances are proportional to the square of the size, and the variances of all errors are
-        added.
+        changes of the coefficients by error c in mm. Only the size of the error, the root mean square in each
+        experiment, is taken from this row. The course of the error along an edge is assumed smooth but unknown. A
+        smooth error of 1 mm has the variances ``error``, which are multiplied by the square of the size. The variances
+        of all errors are added.
         """
         parts, first = [], 0
         for basis in self.bases:

@@ -115,9 +115,9 @@ class Experiment:
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            For each source (a key of `SOURCES`), the deviation of each of its parts, in the unit of the source. Sources
-            that change only the strength of the field or the map of the image are ignored (`Setup` contains their
-            effect).
+            For each uncertain input, such as the width (a key of `SOURCES`), the deviation of each of its parts, in
+            the unit of the input. Inputs that change only the strength of the field or the position of the picture are
+            ignored (`Setup` contains their effect).
 
         Returns
         -------

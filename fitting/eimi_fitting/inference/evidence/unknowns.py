@@ -265,8 +265,8 @@ def nuisances(
     Returns
     -------
     tuple of Nuisance
-        One number for each part of a source, such as x and y of the clamp, and for each group of datasets that share an
-        error of the source.
+        The numbers of all sources. A source has one number for each of its parts, such as x and y of the clamp. A
+        group of datasets that share an error of the source has its own numbers.
 
     Raises
     ------

@@ -238,10 +238,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
         that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus alone. The bound of the modulus in ``model_errors``, a, is too small if the
-        other unknowns compensate for a part of an error of the beam model. The bound should be at least b, which holds
-        for fixed other unknowns and is not below ``Effect.least_percent``. The further bound is sqrt(b^2 - a^2), or 0
-        if a > b. Both bounds together are then at least b.
+        A further bound for the modulus alone. Other unknowns may compensate for a part of an error of the beam model,
+        and the bound a of the modulus in ``model_errors`` is then too small. Let b be the bound with all other
+        unknowns fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b^2 - a^2), or 0 if a
+        > b. The root sum of squares of both bounds is then at least b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -284,9 +284,9 @@ def _effects_percent(
 def _widened(problem: Problem, about: Linearisation) -> float:
     """Return the factor by which the intervals are wider because the level of the noise is only an estimate.
 
-    The factor is the 97.5 % quantile of Student's t divided by the same quantile of the normal distribution. The number
-    of degrees of freedom is the number of independent points minus the number of unknowns, but at most E - 1 for E
-    edges, because the errors along one edge are correlated (Bester, Conley and Hansen 2011, J. Econometrics 165:137).
+    The factor is the 97.5 % quantile of Student's t divided by the same quantile of the normal distribution. The
+    degrees of freedom are the number of independent points minus the number of unknowns. With E edges they are at most
+    E - 1, because the errors along one edge are correlated (Bester, Conley and Hansen 2011, J. Econometrics 165:137).
     For tracked points the noise is stated and not estimated, and the factor is 1.
     """
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):

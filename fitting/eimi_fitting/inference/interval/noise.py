@@ -268,12 +268,12 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the measure of a common fit of unknowns and uncertain inputs, in mm; a smaller number is a better fit.
+    """Return how well the unknowns and the uncertain inputs fit the data together, in mm; smaller is better.
 
-    The measure is e exp(q / (2 N)). Here e is the mean over the states of the root mean square residual, which includes
+    The number is e exp(q / (2 N)). Here e is the mean over the states of the root mean square residual, which includes
     the error of the beam model (``model_mm``). q is the sum of the squared deviations of all uncertain inputs from
     their stated values, in standard uncertainties. N is ``points``, the number of independent points. The logarithm of
-    the measure is minus the log-likelihood divided by N.
+    the number is minus the log-likelihood divided by N.
     """
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
