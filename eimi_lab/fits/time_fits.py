@@ -24,7 +24,7 @@ _ALONE = "neo-hookean"  # the law with one modulus as its only parameter
 def with_law_of_time(
     record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
 ) -> FitRecord:
-    """Return the record of a fit to static states, to which a viscoelastic (Prony) law is added.
+    """Add a viscoelastic (Prony) law to the record of a fit to static states, and return the new record.
 
     The viscoelastic law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the modulus
     of the static fit. The static fit treats the material as elastic. Its modulus is therefore a mean over states in

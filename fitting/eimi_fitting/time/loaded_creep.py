@@ -131,7 +131,7 @@ def creep(
     times_s: Array,
     load_factor: Array,
 ) -> Array:
-    """Return the rotation of the tip at m times for P candidate laws, (P, m) in rad.
+    """Return the rotation of the tip of a creeping beam at m times for P candidate laws, (P, m) in rad.
 
     Parameters
     ----------

@@ -91,7 +91,8 @@ class PossibleCause:
     decide_by : str
         The measurement that decides whether the cause is present.
     source : str
-        The source of uncertainty (a key of `SOURCES`) that describes the same error; empty without such a source.
+        The name of the uncertain input whose deviation is the same error, such as "scale" (a key of `SOURCES`); empty
+        if there is none.
     parts_of : tuple of str
         Further sources that are parts of the same quantity, such as the coil constant and the remanence for the moment.
     is_common : bool
@@ -113,7 +114,7 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The uncertain inputs (keys of `SOURCES`) that are wrong if this cause is present; empty if there is none."""
+        """The names of the uncertain inputs that are wrong if this cause is present; empty if there is none."""
         return (self.source, *self.parts_of) if self.source else ()
 
 
@@ -121,9 +122,9 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
 
     The function takes the assumptions and the amplitudes (sizes) of a cause, an error of the bench. ``parts`` has one
-    dictionary for each amplitude. A key is an uncertain number: a source (a key of `SOURCES`) and the index of the
-    number among the parts of this source. Its value is the deviation of the number for an amplitude of 1. Example: with
-    an amplitude of 1 mm for a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
+    dictionary for each amplitude. A key is an uncertain number: the name of an input (a key of `SOURCES`) and the
+    index of the number among the parts of this source. Its value is the deviation of the number for an amplitude of 1.
+    Example: with an amplitude of 1 mm for a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -143,7 +144,8 @@ def of_source(
 ) -> PossibleCause:
     """Return the cause ``name`` (a possible error of the bench) that consists of deviations of one uncertain input.
 
-    ``source`` is the input, a key of `SOURCES`. For ``sizes``, ``decide_by`` and ``parts_of``, see `PossibleCause`.
+    ``source`` is the name of the input, such as "scale" (a key of `SOURCES`). For ``sizes``, ``decide_by`` and
+    ``parts_of``, see `PossibleCause`.
     """
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]

@@ -259,7 +259,8 @@ class About:
     def freed_start(self, source: str, part: int, dataset: int) -> float:
         """Return the deviation of one uncertain number that the fit of a dataset has determined; 0 if it was not freed.
 
-        ``part`` is the index of the number among the parts of its source, a key of `SOURCES`.
+        ``source`` is the name of an input, such as "clamp" (a key of `SOURCES`), and ``part`` the index of the number
+        among its parts, such as x and y.
         """
         return sum(
             float(nuisance.value(self.unit[column]))

@@ -207,8 +207,8 @@ class Weighing:
 
         A hypothesis is a set of causes (possible errors of the bench); ``base`` is its index. Its coefficients are
         unknown numbers, such as the size of a cause. ``rows`` are the indices of the coefficients, which have their
-        posterior means. The residuals are described by polynomials along each edge. Each squared change of a polynomial
-        is divided by its variance, and the result is the sum.
+        posterior means. The residuals are described by polynomials along each edge. The result is the sum of the
+        squared changes of their coefficients, each divided by its variance.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error

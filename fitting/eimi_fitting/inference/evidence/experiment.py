@@ -53,8 +53,9 @@ class Experiment:
         The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
         Deviations of the specimen from its stated values that were measured, and that ``model`` already contains. Each
-        key is a source (a key of `SOURCES`). Each value has one number for each part of this source, in the unit of the
-        source. The source "taper" has one more number: the width at both ends minus the width in the middle, in mm.
+        key is the name of an uncertain input (a source, a key of `SOURCES`), such as "taper". Each value has one
+        number for each part of this source, in the unit of the source. The source "taper" has one more number: the
+        width at both ends minus the width in the middle, in mm.
 
     Examples
     --------

@@ -45,9 +45,9 @@ def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[Nuisan
     Returns
     -------
     tuple of NuisancePrior
-        The sources whose effect is the same in a reversed field (``Source.is_even``) for which every experiment states
-        an uncertainty above 0. The stated standard uncertainty is the prior. Empty unless every experiment has both
-        polarities.
+        The sources whose effect is the same in a reversed field (``Source.is_even``), if every experiment states an
+        uncertainty of them above 0. The stated standard uncertainty is the prior. The result is empty if one of the
+        experiments has a single polarity.
     """
     if not all(has_both_polarities(experiment.loads) for experiment in experiments):
         return ()

@@ -106,7 +106,7 @@ class StatedSource:
     Parameters
     ----------
     source : str
-        A key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     standard_uncertainty : float
         Standard uncertainty in the unit of the source; 0 for an exact value.
     of : str

@@ -34,7 +34,7 @@ class NuisancePrior:
     Parameters
     ----------
     kind : str
-        A key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     spread : float, optional
         Standard deviation in the unit of the source; the stated standard uncertainty by default.
 
@@ -74,7 +74,7 @@ class Nuisance:
     name : str
         Name of the number in a result.
     source : str
-        A key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     part : int
         Index of the number among the parts of its source.
     datasets : tuple of int
@@ -196,7 +196,7 @@ class SharedUnknowns:
     Parameters
     ----------
     source : str
-        A key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     datasets : tuple of int
         Indices of the datasets, counted from 0.
     standard_uncertainty : float or None
@@ -226,7 +226,7 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     Parameters
     ----------
     source : str
-        The uncertain input, a key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     stated : sequence of sequence of StatedSource
         For each dataset, the uncertain inputs that its files state.
 
@@ -412,8 +412,8 @@ class Unknowns:
         -------
         list of (ndarray, list of dict)
             For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
-            deviations of the inputs that the fit determines: the key is a key of `SOURCES`, the value an array with the
-            deviation of each part (such as x and y), shape (parts,).
+            deviations of the inputs that the fit determines: the key is the name of an input (a key of `SOURCES`), the
+            value an array with the deviation of each part (such as x and y), shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
@@ -433,8 +433,8 @@ class Unknowns:
         -------
         list of (ndarray, list of dict)
             For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
-            deviations of the lens from its stated values: the key is a key of `SOURCES`, the value an array with the
-            deviation of each part, shape (parts,).
+            deviations of the lens from its stated values: the key is the name of a property of the lens (a key of
+            `SOURCES`), the value an array with the deviation of each part, shape (parts,).
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

@@ -32,7 +32,7 @@ class BudgetEntry:
     Parameters
     ----------
     source : str
-        A key of `SOURCES`.
+        Name of the uncertain input, such as "width" (a key of `SOURCES`).
     words : str
         Name of the source of uncertainty for people.
     standard_uncertainty : float
@@ -60,7 +60,7 @@ class MeasureNext:
     Parameters
     ----------
     source : str or None
-        The uncertain input, as a key of `SOURCES`; None if the edges of the beam are the quantity to measure better.
+        The name of the uncertain input, such as "width"; None if the edges of the beam are to be measured better.
     words : str
         Name of the quantity for people.
     initial_shear_modulus_interval_95_Pa : tuple of float

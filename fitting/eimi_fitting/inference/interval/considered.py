@@ -230,8 +230,8 @@ class Candidate:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        For each freed number: its source (a key of `SOURCES`), its index among the parts of the source, and its
-        deviation in the unit of the source.
+        For each freed number: the name of its input (a key of `SOURCES`), its index among the parts of the input, such
+        as x and y, and its deviation in the unit of the input.
     """
 
     law: Law

@@ -56,7 +56,7 @@ class Ends:
 class _End:
     """One end of the interval of one unknown (coordinate), during its iterative computation.
 
-    The deviance is minus twice the log-likelihood, minus its smallest value.
+    The deviance is twice the decrease of the log-likelihood from its maximum.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def interval_ends(
 ) -> Ends:
     """Return the ends of the intervals of n unknowns about an optimum.
 
-    The deviance is minus twice the log-likelihood, minus its smallest value.
+    The deviance is twice the decrease of the log-likelihood from its maximum.
 
     Parameters
     ----------
@@ -195,6 +195,8 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
     """Return the point of the unit cube at which a quadratic function is smallest, for a given value of coordinate i.
+
+    The function approximates the deviance near the end of an interval.
 
     Parameters
     ----------
