@@ -30,7 +30,7 @@ from eimi_fitting.beam.specimen import Specimen
 from eimi_fitting.inference.evidence.quantity import NORMAL_95
 from eimi_fitting.inference.evidence.sources import SOURCES, StatedSource
 from eimi_fitting.inference.planning.design_of_experiment import KnownLaw
-from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam
+from eimi_fitting.time.ringing_beam import NoEquilibrium, RingingBeam
 from eimi_fitting.time.small_effects import small_effects
 
 Array = NDArray[np.float64]

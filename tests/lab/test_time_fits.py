@@ -16,7 +16,8 @@ import pytest
 
 from eimi_fitting import LAWS, Loads, Specimen
 from eimi_fitting.laws.prony import Prony
-from eimi_fitting.time.ringing import RingingBeam, RingTable
+from eimi_fitting.time.ringing import RingTable
+from eimi_fitting.time.ringing_beam import RingingBeam
 from eimi_lab.dataset.moving.stored_motions import GROUPS
 
 Run = Callable[..., tuple[int, str]]

@@ -10,7 +10,8 @@ g_i and the relaxation time tau_i. For a motion proportional to exp(s t) with a 
 
     mu*(s) = mu_0 (1 - sum_i g_i / (1 + s tau_i)).
 
-At s = i omega this is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3).
+At s = i omega this is the complex dynamic modulus (Ferry 1980, Viscoelastic Properties of Polymers, chapter 3). After a
+sudden constant stress, the strain creeps from its first value to mu_0 / mu_inf times this value.
 """
 
 from __future__ import annotations
@@ -60,6 +61,18 @@ class Prony:
         time = np.asarray(time_s, float)
         gone = -np.expm1(-time[..., None] / _with_axes(self.tau_s, time.ndim))
         return np.asarray(1 - np.sum(_with_axes(self.g, time.ndim) * gone, axis=-1))
+
+    def creep(self, time_s: float) -> Array:
+        """Return the strain at a time after a sudden constant stress, divided by the strain at once, shape (...).
+
+        The strain of term i follows the whole strain with the relaxation time tau_i. The strains of the n terms obey n
+        linear differential equations, whose matrix is symmetric in scaled strains.
+        """
+        u = np.sqrt(self.g / self.tau_s)
+        matrix = u[..., :, None] * u[..., None, :] - np.eye(u.shape[-1]) / self.tau_s[..., None]
+        rates, modes = np.linalg.eigh(matrix)
+        shares = np.einsum("...i,...ik->...k", u, modes) ** 2
+        return np.asarray(1 + np.sum(shares * np.expm1(rates * time_s) / rates, axis=-1))
 
     def complex_ratio(self, s: NDArray[Any]) -> NDArray[np.complex128]:
         """Return the complex modulus mu*(s) divided by mu_0, for complex rates s (..., m) in 1/s, in the shape of s.

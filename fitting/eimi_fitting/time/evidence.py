@@ -76,8 +76,9 @@ class RingEvidence:
     repeats : int
         Number of ring-downs under the same loads. They have the same table, and its errors are common to all of them.
     age_s : float
-        Time in s from the last change of the load to the vibrations. The material has relaxed for this time. The
-        equilibrium about which the beam vibrates is computed with the modulus at this time.
+        Time in s from the last change of the load to the vibrations. The beam has crept for this time. The equilibrium
+        about which the beam vibrates is computed with the modulus that gives the strain after this time, under loads
+        that are constant from the change on.
     """
 
     table: RingTable
@@ -96,12 +97,13 @@ class RingEvidence:
         mode by 25 to 50 %.
 
         table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
-        ring-down begins with a known step of the load. The material has then relaxed only since this step. Otherwise it
-        is assumed to have been at rest for a long time.
+        ring-down begins with a known step of the load. The beam has then crept only since this step. Otherwise it is
+        assumed to have been at rest for a long time, as also if gravity alone acts after the step.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
-        if is_stepped:
+        loads = table.beam.loads
+        if is_stepped and (loads.field_T.any() or loads.tip_force_N.any()):
             # While the beam creeps, its frequency changes. The fitted frequency is nearly that after this time.
             age_s = decay.from_s - 1 / decay.modes[0].rate.real
         if table.beam.hanging_N:
@@ -118,7 +120,7 @@ class RingEvidence:
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the deviations of computed from measured ln(frequency) and loss factor, see `Evidence.residuals`."""
-        at_rest = instantaneous_Pa * series.ratio(np.array([self.age_s]))[:, 0]
+        at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
         roots = self.table.roots(np.log(at_rest), lambda s: relative * series.complex_ratio(s), count, load_log)

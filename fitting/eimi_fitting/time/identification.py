@@ -30,9 +30,15 @@ from eimi_fitting.time.law_of_time import (
 )
 from eimi_fitting.time.measured import Motion
 from eimi_fitting.time.result import LawOfTime, result_of
-from eimi_fitting.time.ringing import NoEquilibrium, RingingBeam, RingTable
+from eimi_fitting.time.ringing import RingTable
+from eimi_fitting.time.ringing_beam import NoEquilibrium, RingingBeam
 from eimi_fitting.time.slow_evidence import CreepEvidence, LoadHistory, SlowEvidence, StaticEvidence
-from eimi_fitting.time.slow_motion import displacement_per_rad, shown_rotations, slow_rotations
+from eimi_fitting.time.slow_motion import (
+    displacement_per_rad,
+    modulus_in_pictures,
+    shown_rotations,
+    slow_rotations,
+)
 from eimi_fitting.time.terms import Terms
 
 Array = NDArray[np.float64]
@@ -333,13 +339,14 @@ def _creeps(
         except TooFewFrames:
             continue
         before = recorded.before[-_MOST_STEPS:]
-        per_rad = displacement_per_rad(beam, middle_Pa, recorded.loads, before[-1][1], motion.rest_mm)
+        bent_Pa = modulus_in_pictures(beam, middle_Pa, motion)
+        per_rad = displacement_per_rad(beam, bent_Pa, recorded.loads, before[-1][1], motion.rest_mm)
         slow = slow_rotations(motion, signals, decay, per_rad)
         if slow is None:
             continue
         loads = _stacked([load for _, load in before] + [recorded.loads])
         history = LoadHistory.of(beam, middle_Pa, loads, [*(begin for begin, _ in before), 0.0])
-        shown = shown_rotations(beam, middle_Pa, motion.rest_mm, signals, per_rad)
+        shown = shown_rotations(beam, bent_Pa, motion.rest_mm, signals, per_rad)
         evidence.append(CreepEvidence(history, *slow, label=motion.label, shown=shown))
     evidence.sort(key=lambda one: -float(np.ptp(one.rotation)))
     return tuple(evidence[:_MOST_CREEP_ROWS])

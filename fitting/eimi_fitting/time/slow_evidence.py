@@ -19,7 +19,7 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.sources import SOURCES, loads_under
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.loaded_creep import CreepHistories, LoadCurve, LoadStep
-from eimi_fitting.time.ringing import RingingBeam
+from eimi_fitting.time.ringing_beam import RingingBeam
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ _MODULI = 7
 _STRONGER = 1.05  # factor on the field, which tells the moments of the field from those of gravity
 _CREEP_ERROR = 0.02  # share of the range of a creep curve: error of the proportional curvature (`time.loaded_creep`)
 _RECOVERY_ERROR = 0.06  # the same without a load, when the curvature changes its distribution most
+_OF_SQUARE = 0.2  # rad/rad²: standard deviation of a bent beam's mean rotation, divided by its squared amplitude
 _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the same reason
 
 
@@ -100,14 +101,17 @@ class CreepEvidence:
     """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
 
     The rotation is measured up to an unknown constant, so that only its changes are evidence. The weighted mean of the
-    deviations is therefore subtracted from the deviations.
+    deviations is therefore subtracted from the deviations. A bent beam that vibrates has another mean rotation than a
+    beam at rest. The difference is proportional to the square of the amplitude. Its factor is unknown, and has a normal
+    prior: a deviation with the time course of the squared amplitude is subtracted, too.
 
     Attributes
     ----------
     history : LoadHistory
         The loads over time.
-    time_s, rotation, sigma : ndarray, shape (k,)
-        Times after the step, rotation of the tip in rad at these times, and standard uncertainty of the rotation.
+    time_s, rotation, sigma, squares : ndarray, shape (k,)
+        Times after the step, rotation of the tip in rad at these times, standard uncertainty of the rotation, and
+        squared amplitude of the vibration in rad².
     label : str
         Origin of the recording, for messages.
     shown : tuple of ndarray, or None
@@ -120,6 +124,7 @@ class CreepEvidence:
     time_s: Array
     rotation: Array
     sigma: Array
+    squares: Array
     label: str
     shown: tuple[Array, Array] | None = None
 
@@ -145,10 +150,12 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the k residuals of the creep for P candidate laws, (P, k), from the computed rotations of the tip.
+        """Return the residuals of the creep for P candidate laws, (P, k + 1), from the computed rotations of the tip.
 
-        A residual is the computed minus the measured rotation, without the mean of this difference, divided by its
-        standard uncertainty. true: the computed rotations at the k times of the recording, (P, k) in rad.
+        The first k residuals are the computed minus the measured rotations, divided by their standard uncertainty. The
+        mean of these differences and their part with the time course of the squared amplitude are subtracted first. The
+        last residual belongs to the prior of the factor on the squared amplitude. true: the computed rotations at the k
+        times of the recording, (P, k) in rad.
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -156,12 +163,17 @@ class CreepEvidence:
         decades = max(1.0, float(np.log10(self.time_s[-1] / self.time_s[0])))
         error *= np.sqrt(max(1.0, len(self.time_s) / decades))
         sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
-        weight = 1 / sigma**2
-        return np.asarray((gap - (gap * weight).sum(axis=1, keepdims=True) / weight.sum()) / sigma)
+        of_square = 0.0 if self.shown is None else _OF_SQUARE
+        unknown = np.zeros((len(sigma) + 1, 2))
+        unknown[:-1] = np.stack([1 / sigma, of_square * self.squares / sigma], axis=1)
+        unknown[-1, 1] = 1.0
+        basis, _ = np.linalg.qr(unknown)
+        rows = np.append(gap / sigma, np.zeros((len(gap), 1)), axis=1)
+        return np.asarray(rows - rows @ basis @ basis.T)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
         """Return zeros (see `Evidence.effects`): the effects of uncertain inputs, such as a width, are neglected."""
-        return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s))) for key in sources}
+        return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s) + 1)) for key in sources}
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,16 @@ from eimi_fitting.beam.loads import Loads
 from eimi_fitting.time.channels import Signals
 from eimi_fitting.time.decay import Decay
 from eimi_fitting.time.measured import Motion
-from eimi_fitting.time.ringing import RingingBeam
+from eimi_fitting.time.ringing_beam import RingingBeam
 
 Array = NDArray[np.float64]
 
 _MOST_BINS = 16
 _FEWEST_FRAMES = 2
+_FEWEST_FOR_RINGING = 8  # fewer frames do not tell the size of a vibration that was not fitted
 _RINGS_S = 3.0  # without a fitted vibration, the beam counts as ringing for this time
 _SHAPES, _NODES = 9, 97  # computed shapes, and places at which they are interpolated
+_SEEN_RANGE = (0.4, 1.25)
 _LEAST_TURN = 1e-3  # rad
 _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the displacement for a rotation
 
@@ -117,6 +119,42 @@ def shown_rotations(
     )(even)
 
 
+def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
+    """Return the shear modulus (Pa) with which the computed beam is bent as the recorded one is, late in the recording.
+
+    The displacement of a point for a rotation of the tip depends on how far the beam is bent. It is therefore computed
+    for the bending that the pictures show. The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
+
+    Parameters
+    ----------
+    beam : RingingBeam
+        The beam with the loads after the step.
+    modulus_Pa : float
+        A typical shear modulus. The result lies between 0.4 and 1.25 times this modulus: a beam that creeps is softer
+        than one that vibrates.
+    motion : Motion
+        The recorded motion. The second half of its frames is used.
+    """
+    model, places = beam.planar(), _places(beam, motion.rest_mm)
+    moduli = modulus_Pa * np.geomspace(*_SEEN_RANGE, _SHAPES)
+    shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
+    sound = shapes.status[:, 0] == 0
+    if sound.sum() < 4 or np.ptp(np.radians(model.tip_angle_deg(shapes))[sound, 0]) < _LEAST_TURN:
+        return modulus_Pa
+    half = len(motion.points_mm) // 2
+    seen = motion.seen[half:]
+    points = seen.any(axis=0)
+    if not points.any():
+        return modulus_Pa
+    late = np.ma.median(np.ma.array(motion.points_mm[half:], mask=~np.repeat(seen[..., None], 2, axis=2)), axis=0)
+    moved = (np.asarray(late) - motion.rest_mm)[points]
+    computed = (model.positions(shapes, places)[sound, 0] - places)[:, points]
+    logs = np.log(moduli[sound])
+    fine = np.linspace(logs[0], logs[-1], _NODES)
+    gaps = scipy.interpolate.CubicSpline(logs, computed)(fine) - moved
+    return float(np.exp(fine[np.argmin((gaps**2).sum(axis=(1, 2)))]))
+
+
 def _places(beam: RingingBeam, rest_mm: Array) -> Array:
     """Return p points (x, y) of the beam at rest, (p, 2); a point outside the beam is moved to the nearest inside."""
     grid = beam.planar().grid
@@ -127,7 +165,7 @@ def _places(beam: RingingBeam, rest_mm: Array) -> Array:
 
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
-) -> tuple[Array, Array, Array] | None:
+) -> tuple[Array, Array, Array, Array] | None:
     """Return the rotation of the tip after a step of the load, up to a constant, at logarithmically spaced times in s.
 
     Parameters
@@ -144,32 +182,17 @@ def slow_rotations(
     Returns
     -------
     tuple of ndarray, or None
-        Times, rotations and standard uncertainties of the rotations (rad). The motion is averaged over intervals of at
-        least one period of the vibration, and each average gives one rotation. None if there are fewer than three
-        intervals, or if no point moves.
+        Times, rotations, standard uncertainties of the rotations (rad), and squared amplitudes of the subtracted
+        vibration (rad²). The motion is averaged over intervals of at least one period of the vibration, and each
+        average gives one rotation. None if there are fewer than three intervals, or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
         return None
-    times, channels, shortest = signals.time_s, signals.channels_mm, 0.0
-    still_rings = np.zeros(0)
-    if decay is not None and len(decay.baseline_mm):
-        after = times > decay.to_s
-        still_rings = _ringing_after(signals, decay, gain, times[after])
-        times = np.concatenate([decay.time_s, times[after]])
-        channels = np.concatenate([decay.baseline_mm, channels[after]])
-        shortest = 1 / decay.modes[0].frequency_Hz
-    else:
-        is_used = times > _RINGS_S
-        times, channels = times[is_used], channels[is_used]
-    if len(times) < 3 or times[0] <= 0:
-        is_used = times > 0
-        times, channels = times[is_used], channels[is_used]
+    times, rotation, rings = _slow_frames(signals, decay, gain)
     if len(times) < 3:
         return None
-    rotation = (channels / signals.sigma_mm) @ gain / (gain @ gain)
-    rings = np.zeros(len(times))
-    rings[len(times) - len(still_rings) :] = still_rings
+    shortest = 1 / decay.modes[0].frequency_Hz if decay is not None and len(decay.baseline_mm) else 0.0
     ends = np.geomspace(times[0], times[-1] * (1 + 1e-9), _MOST_BINS + 1)
     merged = [ends[0]]
     for end in ends[1:]:
@@ -189,7 +212,46 @@ def slow_rotations(
         white / np.sqrt(count), 0.5 * np.minimum(scatter, np.ptp(mean)) / np.sqrt(np.maximum(count / 4, 1))
     )
     of_vibration = np.sqrt(np.bincount(place, rings**2)) / count
-    return mean_time, mean, np.asarray(np.hypot(sigma, of_vibration))
+    squares = np.zeros(len(mean)) if decay is None else np.interp(mean_time, *_squares(signals, decay, gain), right=0.0)
+    return mean_time, mean, np.asarray(np.hypot(sigma, of_vibration)), squares
+
+
+def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
+    """Return times (s) and the squared amplitudes of the fitted vibration at these times, as rotations in rad².
+
+    gain: see `_ringing_after`.
+    """
+    rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
+    if not rows.any() or rows.sum() != len(decay.baseline_mm):
+        return np.zeros(1), np.zeros(1)
+    vibration = ((signals.channels_mm[rows] - decay.baseline_mm) / signals.sigma_mm) @ gain / (gain @ gain)
+    envelope = decay.envelope_mm**2
+    return decay.time_s, 2 * envelope * np.mean(vibration**2) / max(float(envelope.mean()), 1e-12)
+
+
+def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
+    """Return the n frames that show the slow motion: times, rotations of the tip, remaining vibrations, (n,) each.
+
+    The times are in s, and the rotations in rad, up to a constant. The fitted vibrations are subtracted. A remaining
+    vibration is a root mean square rotation in rad. decay, gain: see `slow_rotations` and `_ringing_after`.
+    """
+    times = signals.time_s
+
+    def turned(channels_mm: Array) -> Array:
+        return np.asarray((channels_mm / signals.sigma_mm) @ gain / (gain @ gain))
+
+    if decay is not None and len(decay.baseline_mm):
+        after = times > decay.to_s
+        rings = np.concatenate([np.zeros(len(decay.time_s)), _ringing_after(signals, decay, gain, times[after])])
+        rotation = turned(np.concatenate([decay.baseline_mm, signals.channels_mm[after]]))
+        times = np.concatenate([decay.time_s, times[after]])
+        is_used = times > 0
+    else:
+        stepped = times > 0
+        times, rotation = times[stepped], turned(signals.channels_mm[stepped])
+        rings = _unseen_ringing(times, rotation, float(1 / np.sqrt(gain @ gain)))
+        is_used = times > _RINGS_S
+    return times[is_used], rotation[is_used], rings[is_used]
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
@@ -208,3 +270,37 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
     last = decay.time_s > decay.to_s - 2 / mode.frequency_Hz
     size = float(np.sqrt(np.mean(((vibration[last] / signals.sigma_mm) @ gain / (gain @ gain)) ** 2)))
     return np.asarray(size * np.exp(np.maximum(mode.rate.real, -1e3) * (times_s - decay.to_s)))
+
+
+def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
+    """Return the size of a vibration in n frames that are too few to be fitted, as a root mean square in rad, (n,).
+
+    The beam vibrates after a step of its load. If the times between the frames are longer than the period, the
+    vibration looks like noise that becomes smaller with time. The rotation is therefore taken as a straight line in
+    ln t with normal noise, whose standard deviation is a exp(-d t). The numbers a and d, and the line, are those with
+    the largest likelihood.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times of the frames after the step, s, greater than 0.
+    rotation : ndarray, shape (n,)
+        Measured rotations of the tip in rad.
+    white : float
+        Standard deviation of the noise of a rotation in rad, without a vibration.
+    """
+    if len(times_s) < _FEWEST_FOR_RINGING:
+        return np.zeros(len(times_s))
+    line = np.stack([np.ones(len(times_s)), np.log(times_s)], axis=1)
+
+    def ringing(logs: Array) -> Array:
+        return np.asarray(np.exp(logs[0] - np.exp(np.clip(logs[1], -20.0, 5.0)) * times_s))
+
+    def cost(logs: Array) -> float:
+        sigma = np.hypot(white, ringing(logs))
+        fitted = np.linalg.lstsq(line / sigma[:, None], rotation / sigma, rcond=None)[0]
+        return float(np.log(sigma).sum() + 0.5 * (((rotation - line @ fitted) / sigma) ** 2).sum())
+
+    start = np.array([np.log(max(float(rotation.std()), white)), -np.log(times_s[-1])])
+    found = scipy.optimize.minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
+    return ringing(found.x)

@@ -14,7 +14,7 @@ import pytest
 from eimi_fitting import LAWS, Loads, Magnet, Specimen
 from eimi_fitting.laws.prony import Prony
 from eimi_fitting.time.loaded_creep import CreepHistories
-from eimi_fitting.time.ringing import RingingBeam
+from eimi_fitting.time.ringing_beam import RingingBeam
 from eimi_fitting.time.slow_evidence import LoadHistory, StaticEvidence
 
 AT_REST_PA = 46e3
