@@ -2,8 +2,9 @@
 
 python -m benchmarks.ranked_causes FILE...
 
-A file has one line of JSON for each fit, as `benchmarks.imperfect_rigs --record FILE` appends it. The table has one row
-for each imperfection of the bench. The last lines count the ranks.
+A cause is a property of the bench that differs from its files, such as a tilted camera. A file has one line of JSON
+for each fit, as `benchmarks.imperfect_rigs --record FILE` appends it. The table has one row for each imperfection of
+the bench. The last lines count the ranks.
 """
 
 from __future__ import annotations

@@ -309,8 +309,8 @@ def _linearised(
 
     The edges are first linearised about the coefficients ``about``. All terms are then fitted to the equations of the
     beams and of the tensile curves (``curve_rows``), and the edges are linearised again about the fitted law. This is
-    repeated until the fit hardly changes. lot: relative standard deviation between the moduli of the beams and of the
-    tensile curves.
+    repeated until the fit hardly changes. lot: relative standard deviation of the ratio of the modulus of the beams to
+    that of the tensile specimens.
 
     Raises
     ------

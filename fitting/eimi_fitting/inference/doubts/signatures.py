@@ -235,7 +235,7 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """For each experiment, the simulation at the optimum of the fit on the fine mesh of the fit.
+        """For each experiment, the simulation of the optimum on the mesh that the fit used at its end.
 
         An entry is None if the beam has no equilibrium. The other simulations of this class use a coarser mesh.
         """

@@ -263,6 +263,8 @@ def by_better_model(
 ) -> tuple[Misfit, Array, Correction | None] | None:
     """Simulate a candidate with a better model of one experiment: a finer mesh or a three-dimensional model.
 
+    A candidate is one set of values of the unknowns of a fit.
+
     Parameters
     ----------
     experiment : Experiment

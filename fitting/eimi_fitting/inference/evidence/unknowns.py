@@ -398,8 +398,8 @@ class Unknowns:
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
         """Group the candidates (sets of values of the unknowns) that have the same specimen and the same loads.
 
-        Each group can be solved with one beam model. Candidates differ in the specimen or in the loads if the fit
-        determines such an input, for example the width.
+        Their beams bend alike if their laws agree, and each group can be solved with one beam model. Candidates differ
+        in the specimen or in the loads if the fit determines such an input, for example the width.
 
         Parameters
         ----------
@@ -418,7 +418,7 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group the candidates (sets of values of the unknowns) that have the same lens.
+        """Group the candidates (sets of values of the unknowns) that are seen through the same lens.
 
         Candidates differ in the lens if the fit determines a property of it, such as its distance from the beam.
 

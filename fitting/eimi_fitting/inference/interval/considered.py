@@ -172,8 +172,9 @@ def changes_of(
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        The candidate whose residuals are computed, in unit coordinates (0 to 1). A number that the fit determines
-        deviates from its value in this candidate, and any other number from its stated value.
+        The values of the n unknowns at which the residuals are computed, in unit coordinates (0 to 1). If the fit
+        determines a number, its deviation is added to its value in ``unit``; otherwise it is added to the stated
+        value.
     numbers : sequence of (SharedUnknowns, int)
         Each uncertain number, as a source and the index of a part of this source.
 

@@ -283,9 +283,9 @@ def _value(
 def _slopes(misfit: Misfit, distance: Array) -> Array:
     """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
 
-    ``misfit`` has the residuals of a point, of n points with one coordinate increased, and of n points with one
-    coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased value of each
-    coordinate.
+    ``misfit`` has the residuals for 2 n + 1 sets of values of the n unknowns: the set itself, then n sets with one
+    value increased, then n sets with one value decreased. ``distance`` (n,) has the distance between the increased and
+    the decreased value of each coordinate.
     """
     n = len(distance)
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]

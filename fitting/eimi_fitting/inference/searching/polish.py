@@ -181,8 +181,9 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
     """Return a damped Gauss-Newton step (n,) that leads from ``unit`` (n,) to a point within the unit cube.
 
-    ``here`` has the residuals of ``unit`` and of its two neighbours in each coordinate, and ``distance`` (n,) the
-    distance between the two neighbours. ``damping`` is added to the diagonal of the Hessian.
+    A point is a set of values of the n unknowns, each from 0 to 1. ``here`` has the residuals at ``unit`` and at its
+    two neighbours in each coordinate, and ``distance`` (n,) the distance between the two neighbours. ``damping`` is
+    added to the diagonal of the Hessian.
     """
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
@@ -197,9 +198,9 @@ def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array
 
         g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
 
-    ``misfits`` has, for each experiment, the residuals of a point, of n points with one coordinate increased, and of n
-    points with one coordinate decreased. ``distance`` (n,) has the distance between the increased and the decreased
-    value of each coordinate.
+    ``misfits`` has, for each experiment, the residuals for 2 n + 1 sets of values of the n unknowns: the set itself,
+    then n sets with one value increased, then n sets with one value decreased. ``distance`` (n,) has the distance
+    between the increased and the decreased value of each coordinate.
     """
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
