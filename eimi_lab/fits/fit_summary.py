@@ -212,7 +212,7 @@ def points_in_words(choices: Sequence[Choice]) -> str:
 
 
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """Return a sentence on the laws that have no AICc (information criterion), because the data are too few.
+    """Return a list with a sentence on the laws that have no AICc (information criterion) because of too few data.
 
     The list is empty if all laws have an AICc.
     """

@@ -38,6 +38,8 @@ class Table:
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number as text with `digits` significant digits; `–` for None, `∞` for infinity.
 
+    A number of 10000 or more is rounded to an integer.
+
     Examples
     --------
     >>> number(12.345), number(1234.5), number(12345.6), number(None), number(float("inf"))

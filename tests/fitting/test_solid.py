@@ -43,9 +43,9 @@ def one_brick(name: str) -> tuple[brick.Operators, Batch]:
 def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
     """Return the potential of a solid element; its derivatives with respect to the displacements are nodal forces.
 
-    The potential is the integral of psi + p (J - 1) over the element, with the energy psi of the law, computed from the
-    principal stretches, the volume ratio J and the pressure p. ops: the shape functions of the element. batch: the law.
-    nodal: displacements of the nodes.
+    The potential is the integral of psi + p (J - 1) over the element, with the volume ratio J and the pressure p. The
+    energy psi of the law is computed from the principal stretches. ops: the shape functions of the element. batch: the
+    law. nodal: displacements of the nodes.
     """
     F = brick.gradients(ops, nodal)
     F[range(3), range(3)] += 1

@@ -184,11 +184,11 @@ class Sag:
     Attributes
     ----------
     computed_mm : float
-        Largest computed sag with the modulus of the vibration, mm.
+        The largest sag of a point in mm, computed with the middle modulus of the table of vibrations.
     measured : float
-        The measured sag, divided by the computed sag.
+        The measured sag, as a multiple of the computed sag (by least squares over the points).
     moduli_Pa, ratios : ndarray, shape (m,)
-        Shear moduli, and the computed sag with each of them, divided by ``computed_mm``.
+        Shear moduli, and the sag computed with each of them, as such a multiple.
     """
 
     computed_mm: float
