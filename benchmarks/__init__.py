@@ -33,6 +33,7 @@ picture_overlays    pictures of edges for the documentation
 seeds               the error of the modulus, for every law and five seeds of noise and search
 coverage            the share of 95 % intervals that contain the true value
 time_coverage       the share of 95 % intervals of viscoelastic laws that contain the hidden values
+time_tables         the tables of a viscoelastic fit, shared between the simulated measurements of time_coverage
 plan                widths of the modulus intervals from planned and from equally spaced fields
 time                frequencies, loss factors and Prony series, compared with references and hidden materials
 discover            how often `eimi discover` names the terms of hidden laws

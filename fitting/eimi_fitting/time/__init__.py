@@ -8,6 +8,7 @@ decay_checks     whether the fitted vibrations describe a ring-down
 swinging_weight  the vibration of a beam whose hanging weight swings like a pendulum
 modal_fit        damped vibrations, fitted to the signals of a ring-down
 exposure         the amplitudes of a decay, corrected for the exposure of the frames
+ringing_beam     `RingingBeam`, a specimen under the loads that act during a ring-down
 ringing          the frequencies of a specimen's free vibrations, for any modulus and relaxation
 slow_motion      the rotation of the tip after a step of the load
 loaded_creep     creep of a loaded beam for a given viscoelastic law
