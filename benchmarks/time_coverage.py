@@ -136,10 +136,12 @@ def stiffness_near(specimen: Specimen) -> Stiffness:
 
 
 def _solid_over_rod(field_mT: float, moduli_Pa: Sequence[float] = _CORRECTED_PA) -> np.ndarray:
-    """Return ln(frequency of a finely meshed solid / frequency of the rod) of nominal beams, (moduli,).
+    """Return ln(frequency of a solid with small elements / frequency of a rod) for each equilibrium modulus, (moduli,).
 
-    ``moduli_Pa`` are moduli of the equilibrium. In the vibration the material is stiffer by the factor `_STIFFER`. The
-    solid has 4 elements across. What still smaller elements change is computed with a planar model.
+    The rod is the beam model with which the measurements are simulated. Both beams have the dimensions of `BEAM`.
+
+    In the vibration the material is stiffer than in the equilibrium, by the factor `_STIFFER`. The solid has 4
+    elements across. What still smaller elements change is computed with a planar model.
     """
     loads, ratios = in_field(field_mT), []
     rod = Rod(BEAM, stiffness_near(BEAM))

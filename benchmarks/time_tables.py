@@ -1,4 +1,7 @@
-"""Share the tables of a viscoelastic fit between many virtual measurements (`benchmarks.time_coverage`)."""
+"""Compute the tables of frequencies for viscoelastic fits once, and use them for many simulated measurements.
+
+`benchmarks.time_coverage` simulates and fits these measurements.
+"""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Prony:
         return np.asarray(1 - np.sum(_with_axes(self.g, time.ndim) * gone, axis=-1))
 
     def creep(self, time_s: float) -> Array:
-        """Return the strain at a time after a sudden constant stress, divided by the strain at once, shape (...).
+        """Return the strain at a time after a sudden constant stress, divided by the immediate strain, shape (...).
 
         The strain of term i follows the whole strain with the relaxation time tau_i. The strains of the n terms obey n
         linear differential equations, whose matrix is symmetric in scaled strains.

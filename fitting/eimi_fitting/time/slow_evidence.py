@@ -102,8 +102,9 @@ class CreepEvidence:
 
     The rotation is measured up to an unknown constant, so that only its changes are evidence. The weighted mean of the
     deviations is therefore subtracted from the deviations. A bent beam that vibrates has another mean rotation than a
-    beam at rest. The difference is proportional to the square of the amplitude. Its factor is unknown, and has a normal
-    prior: a deviation with the time course of the squared amplitude is subtracted, too.
+    beam at rest. The difference is proportional to the square of the amplitude. The factor is unknown, and has a
+    normal prior. A part of the deviations that changes in time like the squared amplitude is therefore subtracted,
+    too.
 
     Attributes
     ----------

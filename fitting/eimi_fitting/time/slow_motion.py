@@ -120,7 +120,7 @@ def shown_rotations(
 
 
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
-    """Return the shear modulus (Pa) with which the computed beam is bent as the recorded one is, late in the recording.
+    """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam late in the recording.
 
     The displacement of a point for a rotation of the tip depends on how far the beam is bent. It is therefore computed
     for the bending that the pictures show. The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
@@ -273,7 +273,7 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
 
 
 def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
-    """Return the size of a vibration in n frames that are too few to be fitted, as a root mean square in rad, (n,).
+    """Return the size of a vibration in n frames, which are too few to fit it: root mean square rotations in rad, (n,).
 
     The beam vibrates after a step of its load. If the times between the frames are longer than the period, the
     vibration looks like noise that becomes smaller with time. The rotation is therefore taken as a straight line in
