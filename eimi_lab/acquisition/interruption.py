@@ -20,17 +20,21 @@ from typing import Protocol
 class Heeded(Protocol):
     """A run that reacts to signals such as Ctrl-C.
 
-    `stop_if_asked` and `leave_in_haste` interrupt the run by raising `Stopped` or InstrumentError.
+    The first signal asks the run to stop, and a second signal asks it to stop at once. `stop_if_asked` and
+    `leave_in_haste` interrupt the run by raising `Stopped` or InstrumentError.
     """
 
     def stop_if_asked(self) -> None:
-        """Interrupt the present operation of the run if a signal has come."""
+        """Interrupt the present operation of the run if a signal, such as Ctrl-C, has asked the run to stop."""
 
     def leave_in_haste(self) -> None:
-        """Interrupt the present operation if a second signal has come, or if the run took no step for too long."""
+        """Interrupt the present operation at once, if a second signal (Ctrl-C again) has asked the run to stop.
+
+        The operation is also interrupted if the run took no step for too long.
+        """
 
     def switch_off_in_haste(self) -> None:
-        """Switch the coil off, at most once, if a second signal has come or the current is wrong.
+        """Switch the coil off, at most once, if a second signal (Ctrl-C again) has come or the current is wrong.
 
         The operation that called this method continues. The method raises no error.
         """
@@ -60,10 +64,11 @@ class Interruption:
             self._run = None
 
     def between_messages(self) -> None:
-        """Interrupt the exchange with the supply if a second signal has come, or if the run took no step for too long.
+        """Interrupt the exchange with the supply if a second signal (Ctrl-C again) has asked the run to stop.
 
-        The method raises an error to interrupt, and otherwise does nothing. The line to the supply calls the method
-        before each message. On a slow line it takes long to send a set-point and to read the value back.
+        The exchange is also interrupted if the run took no step for too long. The method raises an error to interrupt,
+        and otherwise does nothing. The line to the supply calls the method before each message. On a slow line it takes
+        long to send a set-point and to read the value back.
         """
         if self._run:
             self._run.leave_in_haste()
@@ -77,7 +82,7 @@ class Interruption:
             self._run.stop_if_asked()
 
     def while_storing(self) -> None:
-        """Switch the coil off now if a second signal has come or the current is wrong; otherwise do nothing.
+        """Switch the coil off now if a second signal (Ctrl-C again) has come or the current is wrong.
 
         The writer of the dataset calls this method repeatedly while it stores a state (load step). Storing the state
         then continues to its end. The method is also called before each sensor is read.

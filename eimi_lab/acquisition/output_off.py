@@ -1,4 +1,4 @@
-"""Begin with the output of the supply off: switch it off, or refuse a supply whose output is on."""
+"""Before a run, switch the output of the supply off if it is on, or refuse the supply."""
 
 from __future__ import annotations
 

@@ -137,7 +137,10 @@ def _identified(trial: SupplyTrial) -> Identity:
 
 
 def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
-    """Carry out the steps of the trial before the output is switched on. Raises _Failed if a step fails."""
+    """Carry out the first steps of the trial of a supply, in which its output is off. Raises _Failed if a step fails.
+
+    The trial tests the driver of the supply on the real supply, with nothing connected to the output.
+    """
 
     def identifies() -> str:
         trial.identity = supply.identify()
@@ -170,7 +173,10 @@ def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
 
 
 def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clock) -> None:
-    """Carry out the steps of the trial with the output on. Raises _Failed if a step fails."""
+    """Carry out the steps of the trial of a supply in which its output is on. Raises _Failed if a step fails.
+
+    The trial tests the driver of the supply on the real supply, with nothing connected to the output.
+    """
 
     def set_points() -> str:
         supply.set_voltage(VOLTAGE_V)

@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """The error that ends the ramp of the current to zero, between two steps of the ramp, after a second signal."""
+    """The error that ends the ramp of the current to zero, between two steps, after a second signal (Ctrl-C again)."""
 
 
 class _SignalsHeeded:

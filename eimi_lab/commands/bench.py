@@ -282,7 +282,10 @@ def acquire(
         typer.Option("--events", help="print the events of the run on standard output, one JSON object in each line"),
     ] = False,
     force: Force = False,
-    watched_by: Annotated[str | None, typer.Option(hidden=True, help="file descriptors of the live page")] = None,
+    watched_by: Annotated[
+        str | None,
+        typer.Option(hidden=True, help="file descriptors by which the live page exchanges messages with this run"),
+    ] = None,
 ) -> Result:
     """Run a protocol on the bench and store the frames.
 

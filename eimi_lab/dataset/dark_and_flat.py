@@ -70,14 +70,14 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
         if (image.shape, image.dtype) != (frame.shape, frame.dtype):
             raise InputError(
                 f"--{name}: is {describe_image(image)}; the frames are {describe_image(frame)}, and the image should "
-                "have the same size and depth"
+                "have the same size and bit depth"
             )
     if "dark" in images:
         dark, lit = float(np.median(images["dark"])), float(np.percentile(frame, 99))
         if dark > BRIGHTEST_DARK * lit:
             raise InputError(
-                f"--dark: the image has a median of {dark:g} counts, but the back-light in the frames has {lit:g} "
-                "counts; take the dark frame with the light off or the lens covered"
+                f"--dark: the image has a median of {dark:g} grey levels, but the back-light in the frames has {lit:g} "
+                "grey levels; take the dark frame with the light off or the lens covered"
             )
 
 

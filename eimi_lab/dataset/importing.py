@@ -143,7 +143,7 @@ def _append_states(
             if image.shape != first.shape or image.dtype != first.dtype:
                 raise InputError(
                     f"{name}: is {describe_image(image)}, but {first_frame.path.name} is {describe_image(first)}; all "
-                    f"pictures of a dataset need the same size and depth: {_remedy(image, first)}"
+                    f"pictures of a dataset need the same size and bit depth: {_remedy(image, first)}"
                 )
         flags = _flags(names, images_of_state, last)
         last = images_of_state[-1]

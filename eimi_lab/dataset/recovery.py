@@ -54,7 +54,6 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
     frames are left out, and the states (load steps) of these frames get the flag DROPPED (frames are missing). If all
     frames of a state are damaged, the state gets one black frame, so that the numbers of later states do not change.
 
-
     Parameters
     ----------
     crashed

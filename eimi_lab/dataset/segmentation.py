@@ -87,7 +87,10 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The mean image of each state of a dataset, corrected by dark frame (no light) and flat field (no beam)."""
+    """The mean image of each state (load step) of a dataset, corrected by a dark frame and a flat field.
+
+    A dark frame is taken without light. A flat field shows the back-light without the beam.
+    """
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""

@@ -122,16 +122,16 @@ class Plan:
 
     @property
     def text(self) -> str:
-        """The protocol of the best run as TOML text."""
+        """The protocol of the best of the planned runs, as TOML text."""
         return planning.protocol_text(self.goal, self.runs[0], self.base)
 
     @property
     def protocol(self) -> Protocol:
-        """The protocol of the best run."""
+        """The protocol of the best of the planned runs."""
         return parse(Protocol, self.text, "plan")
 
     def write(self, path: str | Path, force: bool = False) -> Path:
-        """Write the protocol of the best run to ``path`` and return the path.
+        """Write the protocol of the best of the planned runs to ``path``, and return the path.
 
         Raises InputError if the file exists and ``force`` is False.
         """
@@ -171,12 +171,12 @@ class Discovered:
 
     @property
     def statement(self) -> str:
-        """A sentence that says whether the data determine the terms of the law."""
+        """A sentence that says whether the data determine the terms of the material's strain energy."""
         return self.discovery.statement
 
     @property
     def identified(self) -> bool:
-        """Whether the data determine exactly one set of terms."""
+        """Whether the data determine the terms of the strain energy: exactly one set of terms agrees with the data."""
         return self.discovery.identified
 
     def write(self, path: str | Path, force: bool = False) -> Path:

@@ -85,7 +85,10 @@ class Noise:
 
     @cached_property
     def _variances_by_sum(self) -> NDArray[np.float64]:
-        """Variance of the noise at the mean of two 8-bit grey levels, by the sum of the two levels, shape (511,)."""
+        """Table of the variance of the noise for 8-bit frames, by the sum of two grey levels, shape (511,).
+
+        Element s is the variance at the grey level s / 2, the mean of the values of one pixel in two frames.
+        """
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 

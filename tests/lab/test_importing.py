@@ -240,7 +240,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     "turned": (
         turned,
         "frame_10.png: is 96 x 128 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits; all pictures of a dataset "
-        "need the same size and depth: rotate this picture by 90 degrees, or remove it",
+        "need the same size and bit depth: rotate this picture by 90 degrees, or remove it",
     ),
     "not finite": (
         rewrite("states.csv", "0.2", "nan"),
@@ -274,7 +274,7 @@ BAD_FRAMES: dict[str, tuple[Callable[[Path], object], str]] = {
     "other size": (
         shrink,
         "frame_10.png: is 100 x 96 px of 8 bits, but frame_1.png is 128 x 96 px of 8 bits; all pictures of a dataset "
-        "need the same size and depth: export all pictures in the same way, or remove this picture",
+        "need the same size and bit depth: export all pictures in the same way, or remove this picture",
     ),
     "image a pipe": (pipe, "frame_10.png: is a folder, a device or a pipe, not a file"),
     "empty folder": (empty, "frames: holds no images"),

@@ -334,7 +334,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
         (("--flat", files / "small.png"), "--flat: is 12 x 9 px of 8 bits; the frames are 128 x 96 px of 8 bits"),
         (("--flat", files / "flat.png", "--dark", files / "small.png"), "flat.png: the flat field has the shape"),
         (("--dark", files / "none.png"), "none.png: cannot be read"),
-        (("--dark", files / "flat.png"), "--dark: the image has a median of 200 counts, but the back-light in "),
+        (("--dark", files / "flat.png"), "--dark: the image has a median of 200 grey levels, but the back-light in "),
     ):
         status, message = run("segment", out, *arguments)
         assert (status, expected in message) == (2, True)

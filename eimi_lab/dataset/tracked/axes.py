@@ -128,7 +128,8 @@ def _in_plane(tracks: Tracks, placing: Placing, origin: str) -> Array:
     if tracks.places.shape[-1] == 2:
         if placing.plane is not None:
             raise InputError(
-                f"--plane {placing.plane}: is for points in three dimensions, but {origin} has two; leave --plane out"
+                f"--plane {placing.plane}: is for points in three dimensions, but the points of {origin} have two "
+                "dimensions; leave --plane out"
             )
         return tracks.places
     axes = [("xyz").find(letter) for letter in placing.plane or ""]

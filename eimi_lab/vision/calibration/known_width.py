@@ -130,7 +130,10 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Return the edges of the beam; raise ValueError if the edges are not accurate enough for a measurement."""
+    """Return the edges of the beam, on which scale, clamp and axis of the picture are then measured.
+
+    Raise ValueError if no edges were found, or if a quality check shows that they are not accurate enough for this.
+    """
     edges = find_edges(pixels, calibration, specimen)
     fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
     if fatal_flags or not len(edges.left.points_mm):
@@ -140,7 +143,10 @@ def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibra
 
 
 def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
-    """Return the point midway between the two corners at the clamp, px; raise ValueError if a corner is NaN."""
+    """Return the point midway between the two corners of the beam at its clamp, px.
+
+    Raise ValueError if a corner is NaN, because the edge of the clamp is not visible.
+    """
     if not np.isfinite(edges.corners_px[:2]).all():
         raise ValueError("the edge of the clamp is not visible; take the picture in front of a back-light")
     x, y = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]

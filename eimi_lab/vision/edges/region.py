@@ -1,4 +1,4 @@
-"""The region of the pictures in which the beam is searched, as a calibration gives it."""
+"""The rectangular region of the pictures in which the beam is searched; the calibration file gives this region."""
 
 from __future__ import annotations
 

@@ -58,7 +58,10 @@ class CentreLine:
         return self.length_px if self.evidence > 0.0 else 0.0
 
     def scaled(self, factor: float, origin_px: Array) -> CentreLine:
-        """Return the same line in a picture that is cut at `origin_px` and enlarged by `factor`."""
+        """Return this expected centre line in px of a part of the picture.
+
+        The part begins at `origin_px`, px, and is enlarged by `factor`.
+        """
         points = (self.points - origin_px + 0.5) * factor - 0.5
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
@@ -149,7 +152,10 @@ def _covariance(one: Array, other: Array, length_px: float) -> Array:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the expected centre line from n points of the beam's centre line in another picture, px, shape (n, 2)."""
+    """Return the line along which the beam is expected, because its centre line lay there in another picture.
+
+    middle_px: n points of the centre line in the other picture, px, shape (n, 2).
+    """
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 

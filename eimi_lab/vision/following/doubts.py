@@ -84,7 +84,7 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of the length of an edge beside which any colour is clipped, inside or outside the beam.
+    """Return the share of an edge's length along which a colour beside the edge is clipped (saturated).
 
     The larger of the shares of the two edges is returned. Clipping moves an edge away from the clipped side.
     """

@@ -53,7 +53,7 @@ class SeenBeam:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the beam was detected at half of the arc lengths or more, enough to search the next frame."""
+        """Whether the beam was detected at half or more of its arc lengths, so that the next frame can be searched."""
         return float(np.isfinite(self.middle_px[:, 0]).mean()) >= _FEWEST
 
 
