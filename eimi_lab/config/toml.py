@@ -233,7 +233,7 @@ _KINDS = {
 
 
 def check(model: type[AnyDocument], table: dict[str, Any], text: str, origin: str | Path) -> AnyDocument:
-    """Return the contents of a TOML file as an instance of its pydantic model.
+    """Check the contents of a TOML file against a pydantic model, and return them as an instance of the model.
 
     Parameters
     ----------

@@ -21,11 +21,11 @@ _SETTINGS = ((-1, 256 << 20), (-3, 32 << 20))  # M_TRIM_THRESHOLD, M_MMAP_THRESH
 
 
 def keep_freed_memory() -> None:
-    """Keep freed memory in this process for reuse, if the C library supports this, which makes simulations faster.
+    """Keep freed memory in this process for reuse, if the C library supports this. Simulations are then faster.
 
-    Each step of a solid beam model allocates and frees megabytes. Without this setting, the C library returns the
-    memory to the operating system and requests it again in each step. This takes a tenth of the time of the
-    simulations for a report.
+    Each step of the simulation of a beam as a solid allocates and frees megabytes. Without this setting, the C library
+    returns the memory to the operating system and requests it again in each step. Both together take a tenth of the
+    time of the simulations for a report.
     """
     import ctypes  # imported here because only workers need it
 

@@ -218,7 +218,7 @@ def _with_board_and_lens(
 def from_beam(
     image: Path, specimen: SpecimenFile, setup: BenchSetup, tolerance_mm: float
 ) -> tuple[Calibration, list[str]]:
-    """Make a calibration from an image of the beam at rest, on which scale, clamp and axis are measured.
+    """Make a calibration from an image of the beam at rest: scale, clamp and axis are measured on this image.
 
     Parameters
     ----------

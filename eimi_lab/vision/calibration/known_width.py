@@ -1,6 +1,6 @@
-"""Measure the scale and the direction of the beam on an image of the beam at rest, whose width is known.
+"""Measure the scale and the direction of the beam on an image of the beam at rest.
 
-No picture of a calibration board is needed.
+The known width of the beam gives the scale. No picture of a calibration board is needed.
 """
 
 from __future__ import annotations
