@@ -203,8 +203,9 @@ def fit(
     bipop : bool
         Insert searches with a small population between the restarts.
     time : {"none", "prony"}
-        ``"prony"`` also identifies a viscoelastic law, a Prony series, from the recorded ring-downs and creep of the
-        datasets. From a dataset that has only motions and no states, the dynamic modulus is identified.
+        ``"prony"`` also identifies a viscoelastic law, a Prony series, from the recorded ring-downs (free vibrations)
+        and creep of the datasets. From a dataset that has only such motions and no states, the dynamic modulus is
+        identified.
     seed : int, or with a list of laws a sequence of int
         Seed of the random numbers of the search.
     each : bool

@@ -14,10 +14,10 @@ beam from its middle.
 
 Three regions look like a shadow but belong to the beam: the thin rim of a translucent beam, the cut side of a coloured
 board and, in perspective, a side face of the beam. The rim has nearly the colour of the beam, so that nearly the whole
-change of colour is at the outer border of the rim. The cut side has another hue than the surroundings. In both cases
-the outer border is kept as the edge, and the width of the region is recorded in `Seams.shadow`. A camera that is not
-level with the beam always sees a side face, whose width follows from the depth of the beam. A region that is not wider
-than this face can appear belongs to the beam.
+change of colour is at the outer border of the rim. The cut side has another hue than the surroundings. In these two
+cases the outer border is kept as the edge, and the width of the region is recorded in `Seams.shadow`. A camera that
+stands higher or lower than the beam always sees a side face, whose width follows from the depth of the beam. A region
+that is not wider than this face can appear belongs to the beam.
 """
 
 from __future__ import annotations
