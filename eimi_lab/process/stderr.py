@@ -201,8 +201,8 @@ _captured = threading.Lock()
 def library_words() -> Iterator[list[str]]:
     """Collect the lines that C libraries, such as OpenCV's, print on standard error within the context.
 
-    None of these lines reaches the terminal. Text that Python prints still reaches the terminal, if standard error was
-    replaced by a stream of its own with `never_blocking`.
+    None of these lines reaches the terminal. Within the context of `never_blocking`, which gives Python a separate
+    stream, text that Python prints on standard error still reaches the terminal.
 
     Yields
     ------
