@@ -88,7 +88,7 @@ def unwind_on_termination() -> None:
 
 @contextmanager
 def leaving() -> Iterator[None]:
-    """Ignore the signals that end the program while it prints its last lines, until the context ends.
+    """Ignore Ctrl-C and the other signals that would end the program, while it prints its last lines in the context.
 
     Before this context, every file must be closed and every instrument must be off.
     """

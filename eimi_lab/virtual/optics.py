@@ -45,7 +45,7 @@ def make_scene(
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
 ) -> Scene:
-    """Return the light at each pixel without noise, which is the same in all frames of a motionless beam.
+    """Return the scene of a motionless beam: mean and noise of the light at each pixel, the same in all frames.
 
     Parameters
     ----------
