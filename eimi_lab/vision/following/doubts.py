@@ -67,7 +67,7 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of the length of an edge on which the reflection of a lamp lies.
+    """Return the share of an edge's length on which the reflection of a lamp lies.
 
     The larger of the shares of the two edges is returned. At a reflection, the picture is clipped (saturated) at the
     edge, but neither in the middle of the beam nor in the surroundings.

@@ -91,7 +91,7 @@ class StatedBeam:
     def side_faces(self, places_px: Array, aside_px: Array) -> tuple[Array, Array]:
         """Return how wide the side faces of the beam appear in perspective, and their standard uncertainties.
 
-        A camera that is not level with the beam also sees its upper or its lower side face.
+        A camera that stands higher or lower than the beam also sees the upper or the lower side face of the beam.
 
         Parameters
         ----------
