@@ -7,6 +7,7 @@ lab_photographs       photographs of a bench with one difficulty each, from `lab
 flag_pictures         a picture for every flag (warning about edges)
 real_pictures         photographs of other people, with edges traced by hand
 solid_cases           errors of the solid model against known solutions
+estimates             fits that start near their optimum, without search and causes
 virtual_measurements  measurements with every uncertain value drawn at random
 planned_states        experiments before and after a plan of their states
 hidden_laws           laws of terms drawn at random
