@@ -150,10 +150,11 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Report to the guardian process that the run has switched the output off, but a current still flows.
+        """Tell the guardian process that the run has switched the supply's output off, but a current still flows.
 
-        The guardian then accepts a supply without a serial number as the supply of the coil also if its output is off.
-        Without this report, it accepts such a supply only if the output is on or a current flows.
+        The guardian switches off the supply that answers at the address. Without a serial number, this may be another
+        supply of the same type. The guardian therefore usually recognises it as the supply of the coil only if it finds
+        the output on or a current flowing. After this message, it recognises the supply also with its output off.
         """
         self._send(RECOGNISED)
 

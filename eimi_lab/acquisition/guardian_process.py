@@ -330,7 +330,8 @@ def _is_known_by_identity(ward: Ward) -> bool:
     """Return whether the identity of the supply is enough to recognise the supply of the coil.
 
     This is so if the identity contains a serial number, or if the supply is an emulated supply on a pseudo-terminal.
-    True is also returned if the run has sent no identity, because no supply could be recognised then.
+    The result is also True if the run has sent no identity: the guardian process then accepts every supply at the
+    address.
     """
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 

@@ -87,7 +87,7 @@ def emulate(
     ],
     rig: Annotated[
         str | None,
-        typer.Argument(help="with `eimi emulate bench`: rig.toml, or the name of a shipped rig such as virtual"),
+        typer.Argument(help="if SUPPLY is the word bench: rig.toml, or the name of a shipped rig such as virtual"),
     ] = None,
     tcp: Annotated[
         int | None,
@@ -148,7 +148,7 @@ def emulate(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="with `eimi emulate bench`: specimen.toml, or the name of a shipped specimen such as type1",
+            help="if SUPPLY is the word bench: specimen.toml, or the name of a shipped specimen such as type1",
         ),
     ] = None,
     output: Annotated[
@@ -157,8 +157,8 @@ def emulate(
             "-o",
             "--output",
             metavar="FILE",
-            help="with `eimi emulate bench`: write a rig file with the addresses of the emulated instruments; "
-            "`eimi acquire --rig FILE` then measures with them",
+            help="if SUPPLY is the word bench: rig file to write, with the addresses of the emulated instruments; "
+            "`eimi acquire --rig FILE` then measures with these instruments",
         ),
     ] = Path("bench.toml"),
     packet_loss: Annotated[
@@ -167,7 +167,7 @@ def emulate(
             metavar="SHARE",
             min=0.0,
             max=1.0,
-            help="with `eimi emulate bench`: fraction of the data packets of the camera that are lost, from 0 to 1",
+            help="if SUPPLY is the word bench: fraction of the data packets of the camera that are lost, from 0 to 1",
         ),
     ] = 0.0,
     force: Force = False,

@@ -35,15 +35,16 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="HZ",
-            help="for a motion: frames per second of the recording, if the file does not contain this rate or is "
-            "played in slow motion",
+            help="for --ring-down or --creep: frames per second of the recording, if the file does not contain this rate "
+            "or is played in slow motion",
         ),
     ] = None
     released: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            help="for a motion: time in the file, in seconds, at which the beam was released or its load changed",
+            help="for --ring-down or --creep: time in the file, in seconds, at which the beam was released or its load "
+            "changed",
             show_default="last frame with at least 97 % of the largest deflection",
         ),
     ] = None
@@ -51,23 +52,25 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="N",
-            help="for a motion: weight that hangs at the tip during the motion, in newtons; for --creep without "
-            "--removed, this weight was hung on the beam at the time of --released",
+            help="for --ring-down or --creep: weight that hangs at the tip during the motion, in newtons; for --creep "
+            "without --removed, this weight was hung on the beam at the time of --released",
         ),
     ] = None
     removed: Annotated[
         float | None,
-        typer.Option(metavar="N", help="for a motion: weight that was taken from the tip at the time of --released"),
+        typer.Option(
+            metavar="N", help="for --ring-down or --creep: weight that was taken from the tip at the time of --released"
+        ),
     ] = None
     exposure: Annotated[
-        float | None, typer.Option(metavar="S", help="for a motion: exposure time of a frame, in seconds")
+        float | None, typer.Option(metavar="S", help="for --ring-down or --creep: exposure time of a frame, in seconds")
     ] = None
     row_time: Annotated[
         float | None,
         typer.Option(
             metavar="S",
-            help="for a motion: time between the exposures of two neighbouring rows of the sensor, in seconds "
-            "(rolling shutter)",
+            help="for --ring-down or --creep: time between the exposures of two neighbouring rows of the sensor, in "
+            "seconds (rolling shutter)",
         ),
     ] = None
 

@@ -133,5 +133,5 @@ def check_sensors(sensors: Sequence[RigSensor], simulated: bool) -> None:
         if simulated and (sensor.driver not in SENSOR_DIALECTS or sensor.measures == "other"):
             raise ValueError(
                 f"{place}: a sensor of the virtual rig should have one of the drivers {', '.join(SENSOR_DIALECTS)}, "
-                f"and measures should be one of {', '.join(UNITS)}"
+                f'and its key "measures" should be one of {", ".join(UNITS)}'
             )

@@ -53,7 +53,9 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Return the standard deviation (mm) that the flag (failed check) adds to the edge points of a load step.
+        """Convert `widens` to mm: the standard deviation that this flag adds to the edge points of a load step.
+
+        A flag is a failed quality check. `widens` is in the unit `widens_in`.
 
         Parameters
         ----------

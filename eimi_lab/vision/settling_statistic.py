@@ -203,12 +203,12 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
-    """Return rectangles of pixels that together contain every place at which `possible` is true.
+    """Return rectangles of an image that together contain all pixels at which a steep gradient is possible.
 
-    A place is one column of one strip of rows. Few large rectangles take less time than many small ones, because each
-    computation of the steepness costs time. Columns at most `STRIP_ROWS` apart are therefore in one rectangle. Two
-    rectangles in neighbouring strips are replaced by the smallest rectangle that contains both, if this adds at most
-    `SPARE_COLUMNS` places.
+    The gradient is later computed in each rectangle separately. Few large rectangles take less time than many small
+    ones. The image is divided into strips of `STRIP_ROWS` rows. In a strip, columns at most `STRIP_ROWS` apart are
+    therefore in one rectangle. Two rectangles in neighbouring strips are replaced by the smallest rectangle that
+    contains both, if this adds at most `SPARE_COLUMNS` columns of a strip.
 
     Parameters
     ----------

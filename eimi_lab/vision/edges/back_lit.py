@@ -280,9 +280,10 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return texts for the advice of two flags (failed quality checks): on the width and on the twist of the beam.
+        """Return two texts that complete the advice of the quality checks of the beam's width and of its twist.
 
-        The texts say by how much the fitted modulus is wrong if the beam is turned about its axis.
+        The texts say by how much the fitted modulus is wrong if the beam is turned about its axis. Their keys are the
+        words in braces in the advice, which the texts replace.
         """
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)

@@ -133,7 +133,7 @@ class PassResult:
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return the grey values on one side of the edge, at the distances at which the blurred edge has no effect.
+        """Return the grey values on one side of the edge, so far from the edge that its blur has no effect on them.
 
         The grey values are taken from the profiles (lines across the edge) on which an edge point was located.
 
@@ -393,9 +393,10 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
     """Return the arc lengths (px) at which an edge is searched, evenly spaced from `begin` to `end`, and a stride s.
 
-    Only every s-th arc length gives a point of the edge; the others serve to estimate the scatter of the points. An
-    edge has at most `MOST_POINTS` points, at least `spacing` apart. Neighbouring arc lengths are at most `widest`
-    apart, or more if the strips of the picture that are read at them would otherwise overlap.
+    An edge point is located at each of these arc lengths, but only every s-th point is stored; the others serve to
+    estimate the scatter of the points. At most `MOST_POINTS` points are stored, at least `spacing` apart. Neighbouring
+    arc lengths are at most `widest` apart, unless the pieces of the edge over which their grey values are averaged would
+    then overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)

@@ -108,9 +108,10 @@ def read_profiles(
 
 @dataclass(frozen=True)
 class Cover:
-    """The silicone between the edge of the beam and a narrower magnet, on k sides of the magnet.
+    """The silicone beside a magnet that is narrower than the beam: a strip between magnet and edge on each of k sides.
 
-    The edge of the magnet causes a second step of the grey value in each profile that crosses the magnet.
+    A profile is a sequence of grey values along a line across an edge of the beam. The edge of the magnet causes a
+    second step of the grey value in each profile that crosses the magnet.
 
     Attributes
     ----------
@@ -272,10 +273,10 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The common unknowns of a fit of blurred steps to many profiles (grey values along lines across the edge).
+    """The unknowns that all profiles share in a fit of blurred steps to profiles of grey values across an edge.
 
-    `values` contains the standard deviation of the blur, followed by the widths of the silicone on k sides of the
-    magnet. All are in px, and the shape is (1 + k,).
+    `values`, shape (1 + k,), contains the standard deviation of the blur, followed by k widths in px: those of the
+    silicone between magnet and beam edge on k sides of the magnet. Without a magnet, k is 0.
     """
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
@@ -293,13 +294,15 @@ class _SharedUnknowns:
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Improve the 1 + k shared unknowns by one Gauss-Newton step; return their changes, px, shape (1 + k,).
+        """Improve the unknowns `values` by one Gauss-Newton step; return their changes, px, shape (1 + k,).
+
+        The unknowns are the blur and k widths of the silicone beside the magnet.
 
         Parameters
         ----------
         reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives of the m grey values of n profiles with respect to the shared unknowns, after the three unknowns
-            of each profile (dark value, bright value and offset) were eliminated.
+            Derivatives of the m grey values of n profiles with respect to the 1 + k unknowns, after the three unknowns
+            of each profile (dark value, bright value and offset of its step) were eliminated.
         residuals : ndarray, shape (n, m)
             Measured minus fitted grey values of the profiles.
         """
@@ -314,7 +317,11 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances of the k widths of the silicone after the last Gauss-Newton step, px², shape (k,)."""
+        """Return the variances of the fitted widths of the silicone beside the magnet, px², shape (k,).
+
+        The silicone between magnet and beam edge has one width on each of k sides of the magnet. `step` must have been
+        called before, because the variances follow from the equations of its last call.
+        """
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
@@ -366,19 +373,20 @@ def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
 
 
 def _inverse(normal: Array) -> Array:
-    """Return the inverses of n normal matrices, shape (n, 3, 3).
+    """Return the inverses of the normal matrices of n least-squares fits with three unknowns each, shape (n, 3, 3).
 
-    Each matrix belongs to the fit of one profile of grey values. A small term on the diagonal keeps the inverse finite
-    if the profile is flat.
+    Each fit belongs to one profile (the grey values along a line across an edge). A small term on the diagonal keeps
+    the inverse finite if the grey values of a profile are all equal.
     """
     size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
 
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
-    """Return the least-squares values of the three unknowns of each of n profiles, shape (n, 3).
+    """Solve n linear least-squares problems with three unknowns each; return the solutions, shape (n, 3).
 
-    A profile contains the grey values along a line across the edge. columns: derivatives of the m grey values with
+    Each problem belongs to one profile (the grey values along a line across an edge). The unknowns are changes of the
+    dark value, of the bright value and of the offset of its step. columns: derivatives of the m grey values with
     respect to the unknowns, shape (n, m, 3). inverse: inverses of the normal matrices, shape (n, 3, 3). target: the
     grey values to be fitted, shape (n, m).
     """
@@ -386,12 +394,12 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which of n fitted profiles (grey values along lines across the edge) may determine the shared unknowns.
+    """Return which of n fitted profiles (grey values along lines across the edge) are not disturbed, shape (n,).
 
-    A profile is left out if its relative residual is more than three times the median of its group, for example because
-    of dirt on the edge. The relative residual is the RMS of the m `residuals` (n, m) of the profile, divided by the
-    height `step` (n,) of its step. `group` (n,) numbers the groups: one for each side of a magnet, and -1 for the other
-    profiles.
+    A profile counts as disturbed, for example by dirt on the edge, if its relative residual is more than three times
+    the median of its group. The relative residual is the RMS of the m `residuals` (n, m) of the profile, divided by the
+    height `step` (n,) of its step. `group` (n,) numbers the groups: one for each side of a magnet, and -1 for the
+    profiles that cross no magnet. Disturbed profiles must not determine the unknowns that all profiles share.
     """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)

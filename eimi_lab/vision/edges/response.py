@@ -83,10 +83,10 @@ def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, bl
 
     The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
 
-    The mean profile consists of bins of the distance from the edge. `place` is the distance of each bin in px, positive
-    on the bright side. `mean` is the mean grey value in the bin, 1 at the bright end, and `weight` is the square root
-    of the number of grey values in the bin. `dark` is a first guess of the light at the dark end, and `blur` of the
-    standard deviation of the blur in px.
+    The mean profile contains the mean grey values in bins of the distance from the edge. `place` is the distance of
+    each bin in px, positive on the bright side. `mean` is the mean grey value in the bin, 1 at the bright end, and
+    `weight` is the square root of the number of grey values in the bin. Two approximate values are given: the light
+    `dark` at the dark end, divided by the light at the bright end, and the standard deviation `blur` of the blur in px.
     """
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)

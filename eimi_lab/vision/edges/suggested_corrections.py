@@ -147,7 +147,10 @@ def _reason_of(followed: FollowedBeam) -> str:
 
 
 def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
-    """Return whether both edges have nearly the specimen's length, and no failed quality check is more than a note."""
+    """Return whether located edges are probably those of the beam, so that the changed value may be suggested.
+
+    Both edges must have nearly the specimen's length, and no failed quality check may be more severe than a note.
+    """
     if any(flag.severity is not Severity.NOTE for flag in edges.flags):
         return False
     for edge in (edges.left, edges.right):

@@ -171,7 +171,8 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
     Returns
     -------
     CentreLine
-        The mean of both lines. Up to the ends of both lines, the beam is expected there as surely as on a clicked line.
+        The mean of both lines, which ends where the shorter line ends. In the search for the beam, it has the same
+        weight as a line that a person clicked on the beam.
     """
     lines = [_line(points, np.zeros(len(points)), 0.0, 0.0) for points in (first_px, second_px)]
     length = min(line.length_px for line in lines)

@@ -122,9 +122,9 @@ def project(
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
     """Return the mean and the covariance of the selected colours in a window around each of n stations.
 
-    A station is a place along the beam, at which the picture is sampled at m points across the beam. For c channels,
-    the mean has the shape (n, c) and the covariance the shape (n, c, c). colours: shape (n, m, c). mask: whether each
-    point is used, shape (n, m). window: length of the window along the beam, number of stations.
+    A station is a place along the beam; at each station, colours are sampled at m points across the beam. colours: the
+    sampled colours with c channels, shape (n, m, c). mask: whether each point is used, shape (n, m). window: length of
+    the window along the beam, number of stations. The means have the shape (n, c), the covariances (n, c, c).
     """
     share = mask.astype(np.float64)
     count = share.sum(axis=1)

@@ -206,7 +206,11 @@ def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
 
 
 def _change(width: Array) -> float:
-    """Return how much the width changes along the beam: (largest / smallest) - 1 of the medians of five equal parts."""
+    """Return how much the width of the beam changes along its length, relative to the smallest width.
+
+    The length is divided into five equal parts. The result is the largest median width of a part, divided by the
+    smallest median width, minus 1.
+    """
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 

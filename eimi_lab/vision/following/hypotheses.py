@@ -57,7 +57,8 @@ class Hypotheses:
         Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
     tolerance : ndarray, shape (n,)
         Variance of the colours inside the strip near the clamp, summed over the colour channels. A colour farther
-        outward counts as equal to the remembered colour if the two differ by less than three standard deviations.
+        outward counts as equal to the remembered colour if the two differ by less than three standard deviations, that
+        is, three times the square root of this variance.
     variance : ndarray, shape (n,)
         Like `tolerance`, but reduced during the search if the colours of the strip vary less at larger distances from
         the clamp. The change of colour at a side of the strip is clear if it is large compared with this variance.
@@ -127,9 +128,9 @@ def least_variance(picture: WorkingPicture) -> float:
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
     """Return the support of strips by the image: a number from 0 to 2 for each strip, shape (...).
 
-    A strip is a band of the picture that may show the beam. For one edge, let d be the distance between the mean
-    colours inside and outside. With e = d² / variance, the support of the edge is e / (e + 9). The support of a strip
-    is the sum over its two edges.
+    A strip is a band of the picture that may show the beam. Its support is large if the colour changes clearly at both
+    of its edges. For one edge, let d be the distance between the mean colours on its inner and on its outer side. With
+    e = d² / variance, the support of the edge is e / (e + 9). The support of a strip is the sum over its two edges.
 
     Parameters
     ----------
@@ -169,13 +170,14 @@ def brightness_step(colours: NDArray[np.float32]) -> Array:
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the colours inside strips differ from the colours of earlier steps, from 0 to 2, shape (...).
+    """Return how much the colours inside strips differ from the remembered colours: from 0 to 2, shape (...).
 
-    A strip is a band that may show the beam. With the mean square d² of the colour differences at the nine points
-    inside, the result is d² / (9 variance), at most 2.
+    A strip is a band of the picture that may show the beam; its colours at nine points across its inside are remembered
+    from earlier steps of the search. Let d² be the mean square of the differences between the present and the
+    remembered colours at the nine points. The result is d² / (9 variance), at most 2.
 
-    colours: colours at 15 points across each strip, shape (..., 15, channels). template: colours at the nine points
-    inside, remembered from earlier steps of the search, shape (..., 9, channels). variance: variance of a colour,
+    colours: present colours at 15 points across each strip (three outside, nine inside, three outside), shape
+    (..., 15, channels). template: the remembered colours, shape (..., 9, channels). variance: variance of a colour,
     summed over the channels, shape (...).
     """
     difference = colours[..., _INSIDE, :] - template
@@ -188,22 +190,23 @@ def updated_templates(
 ) -> tuple[NDArray[np.float32], Array]:
     """Return the remembered colours and the variances of strips after another step of the search.
 
-    A strip is a band that may show the beam. A remembered colour moves by 12 % toward the present colour if the two
-    differ by less than three standard deviations (`tolerance`). The variance of a strip moves by 12 % toward the
-    variance of the present colours if these vary less. It falls because the search begins at the clamp, where a clip, a
-    tape or glue may have more colours than the beam. It never rises, because a body that crosses the beam could
-    otherwise raise it, and the edges farther from the clamp would no longer stand out.
+    A strip is a band of the picture that may show the beam. A remembered colour moves by 12 % toward the present colour
+    if the two differ by less than three standard deviations, that is, three times the square root of `tolerance`. The
+    variance of a strip moves by 12 % toward the variance of the present colours if these vary less. It may fall,
+    because the search begins at the clamp, where a clip, a tape or glue may have more colours than the beam. It never
+    rises: a body that crosses the beam would otherwise raise it, and the edges farther from the clamp would no longer
+    stand out.
 
     Parameters
     ----------
     colours : ndarray, shape (n, 15, channels)
-        Present colours across n strips.
+        Present colours at 15 points across each of n strips; the points 3 to 11 (counted from 0) lie inside the strip.
     template : ndarray, shape (n, 9, channels)
-        Remembered colours.
+        Remembered colours at the nine points inside each strip.
     tolerance : ndarray, shape (n,)
-        Variance of the colours of each strip near the clamp.
+        Variance of the colours of each strip near the clamp, summed over the channels.
     variance : ndarray, shape (n,)
-        Variance of the colours of each strip in the step before.
+        Variance of the colours of each strip in the step before, summed over the channels.
     least : float
         Smallest variance that is assumed for a colour (`least_variance`).
 
@@ -226,10 +229,10 @@ def updated_templates(
 def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
     """Return the variance of the colours of each of n strips, summed over the channels, shape (n,).
 
-    A strip is a band that may show the beam. The variance is the sum of the smallest possible variance `least`, of the
-    variance `scatter` (n,) of the colours along the strip, and of a share of the variance across the strip. Only a
-    share is taken because a round beam is shaded. `inside`, shape (n, 9, channels), holds the colours at nine points
-    across the inside.
+    A strip is a band of the picture that may show the beam. The result is the sum of three variances: the smallest
+    assumed variance `least`, the variance `scatter` (n,) along the strip, and 15 % of the variance across the strip.
+    Only 15 % is taken, because a round beam is shaded, and shading is no noise. `inside` contains the colours at nine
+    points across the inside of each strip, shape (n, 9, channels).
     """
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 
@@ -237,7 +240,7 @@ def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the colours at the nine points inside each of n strips, shape (n, 9, channels).
 
-    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip, shape (n,
-    15, channels).
+    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip (three
+    outside, nine inside, three outside), shape (n, 15, channels).
     """
     return colours[:, _INSIDE]

@@ -61,8 +61,8 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Returns
     -------
     Seams
-        The moved edges. `Seams.shadow` contains the distance to the border of a shadow. It also contains the width of a
-        darker rim or side that belongs to the beam; there the edge is not moved.
+        The edges after the move. `Seams.shadow` contains the width of the dark region inside an original edge: the
+        distance by which the edge was moved. If the region is a rim or a side of the beam, the edge was not moved.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -102,9 +102,10 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between an edge and a border outside it is the rim of a translucent beam.
+    """Return whether the region between two lines along one side of a beam is the rim of the beam, and not its shadow.
 
-    A rim has nearly the colour of the beam: the change of colour at the edge is small compared with that at the border.
+    The inner line is `edge`, and the outer line `border`. The region is the rim of a translucent beam if it has nearly
+    the colour of the beam: the change of colour at the inner line is then small compared with that at the outer line.
     The colours are compared at the stations (places along the beam) for which `moved` is true.
     """
     colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
@@ -113,10 +114,11 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each of n stations, whether the hue of the region between an edge and a border is that of a shadow.
+    """Return, for each of n stations, whether the region between two lines beside the beam has the hue of a shadow.
 
-    A station is a place along the beam. A shadow has nearly the hue of the surroundings. The result is True if the hue
-    of the region is less than half as far from the hue of the surroundings as the hue of the beam is.
+    A station is a place along the beam. The inner line is `edge`, and the outer line `border`. A shadow has nearly the
+    hue of the surroundings: the difference between the hues of region and surroundings must be less than half of the
+    difference between the hues of beam and surroundings.
     """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
@@ -125,10 +127,11 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 
 
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
-    """Return the mean colours inside an edge, in the region between the edge and a border, and outside the border.
+    """Return the mean colours of the beam, of the dark region beside it, and of the surroundings.
 
-    The list contains three arrays of the shape (n, channels), for n stations (places along the beam). The border is a
-    line outside the edge. The colours are measured away from the blur of the edge and of the border.
+    The dark region, perhaps a shadow, lies between the inner line `edge` and the outer line `border`. The list contains
+    three arrays of the shape (n, channels), for n stations (places along the beam). Pixels near the two lines are not
+    used, because the lines are blurred.
     """
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))

@@ -25,11 +25,12 @@ _WINDOW = 1.0  # widths along the beam over which colours are averaged
 
 
 def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, end: int) -> Seams:
-    """Move one edge inward if the body is too wide, and if the colour changes strongly at about the stated width.
+    """Move one edge of the beam inward if the body between the edges is wider than the specimen file states.
 
-    The stated width is measured from the other edge. The search is made for each of the two edges. If both searches
-    find an edge, the one with the stronger change of colour is used. The region between the old and the new place of
-    the edge must be darker than the surroundings, as a shadow is.
+    The true edge is then searched at the stated width from the other edge, once for the left and once for the right
+    edge. The edge is moved only if the colour changes strongly at the new place, and if the region between the old and
+    the new place is darker than the surroundings, as a shadow is. If both edges could be moved, the one with the
+    stronger change of colour is moved.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     seams : Seams
         Both edges.
     noise : float
-        Standard deviation of a channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     end : int
         Number of stations before the end of the beam. Stations are places along the beam.
 

@@ -118,10 +118,10 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return how much of the followed path has reliable edges, as a measured value for the quality checks.
+    """Return the share of the beam's length on which both edges are reliable, as a value for the quality checks.
 
-    The followed path leads from the clamp to the end of the search. Each edge is reliable ("sure") on a share of this
-    path. The smaller of the two shares is returned.
+    Each of the two edges is reliable ("sure") on a share of the length from the clamp to the end of the search. The
+    smaller of the two shares is returned.
 
     Parameters
     ----------
@@ -132,8 +132,8 @@ def sure_share(sound: Mask) -> dict[str, float]:
     -------
     dict of str to float
         The share, with its key in the table of quality checks. The key is ``"followed_patches"`` if all gaps between
-        reliable stations are shorter than a tenth of the path: the path then follows the edge in spite of the gaps.
-        Otherwise the key is ``"followed_sides"``.
+        reliable stations are shorter than a tenth of the length, else ``"followed_sides"``. The checks with these two
+        keys give different advice.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -186,37 +186,32 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return at which of n stations (places along the beam) one edge of the beam was found, and not another line.
+    """Return at which of n stations (places along the beam) the located line is an edge of the beam, shape (n,).
 
-    A run is a sequence of neighbouring stations at which the edge is sure (reliable). Between two runs is a gap. Runs
-    that belong to the same line form a chain. The stations of the longest chain are returned. So the head of a hammer,
-    the border of a shadow, a body beyond the tip, or a reflection near the clamp does not become a part of the edge.
+    Elsewhere it may be another line, such as the border of a shadow, of a body beyond the tip, or of a reflection. A
+    run is a sequence of neighbouring stations at which the line is reliable. Runs that probably belong to the same line
+    are joined to a chain, and the stations of the longest chain are returned.
 
-    A run is joined to a chain before it if it lies near the straight continuation of the chain, and if the beam has
-    about the same width on both sides of the gap. Both tolerances grow with the length of the gap.
+    A run is joined to an earlier chain if it lies near the straight continuation of the chain, and if the beam has
+    about the same width on both sides of the gap between them. Both tolerances grow with the length of the gap.
 
-    An edge that bends strongly does not continue straight. A run is therefore also joined under three other conditions:
-    the other edge is sure beside the whole gap; the width is about the same; and the gap is shorter than a quarter of a
-    width, or the chain before it is at least 0.6 widths long. The segments of a soft arm, the folds of a bellows, and
-    stains at one edge cause such gaps.
+    An edge that bends strongly does not continue straight. A run is therefore also joined if three other conditions
+    hold: the opposite edge is reliable beside the whole gap; the width is about the same; and the gap is shorter than a
+    quarter of a width, or the chain is at least 0.6 widths long. Segments of a soft arm, folds of a bellows and stains
+    at one edge cause such gaps.
 
     Parameters
     ----------
     seam : ndarray, shape (n, 2)
         The points of the edge, px.
     width : ndarray, shape (n,)
-        Width of the beam in nominal widths; NaN where the other edge is not sure.
+        Width of the beam in nominal widths; NaN where the opposite edge is not reliable.
     sound : ndarray of bool, shape (n,)
-        Whether the edge is sure at each station.
+        Whether the line is reliable at each station.
     scale : float
         Nominal width of the beam, px.
     lever : int
         Number of stations over which the direction of the edge before a gap is measured.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        True for the stations of the longest chain.
     """
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[_Chain] = []

@@ -33,10 +33,11 @@ def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
 
     An edge is rough if its points scatter by more than half a pixel about a smooth line. The distances of the points
     from this line are averaged with Gaussian weights along the edge, by local straight lines (W. S. Cleveland, "Robust
-    locally weighted regression and smoothing scatterplots", J. Am. Stat. Assoc. 74 (1979) 829). The average is
-    taken over the greatest length at which at least half of the scatter remains, because the standard deviation of the
-    points is estimated from this scatter. The standard deviation of the weights is at most a quarter of a width, so
-    that the bend of the beam is kept.
+    locally weighted regression and smoothing scatterplots", J. Am. Stat. Assoc. 74 (1979) 829).
+
+    The standard deviation of the weights (a length along the edge) is made as large as two conditions permit. It is at
+    most a quarter of the beam's width, so that the bend of the beam is kept. And the averaged points still have at
+    least half of the scatter of the original points, because their standard deviation is estimated from their scatter.
 
     Parameters
     ----------

@@ -70,8 +70,8 @@ class UnrolledPicture:
     width : ndarray, shape (n,)
         Width of the strip at each station.
     stated : ndarray, shape (n,)
-        Stated width of the beam at each station, with the visible side faces; 1 for a beam of constant width without
-        perspective.
+        Expected width of the beam in the picture at each station: the width in the specimen file plus the widths of
+        the visible side faces. It is 1 for a beam of constant width without perspective.
     inside : ndarray of bool, shape (n, m)
         Whether each sampled point lies in the image and shows no body that crosses the beam.
     covered : ndarray of bool, shape (n, m), optional
