@@ -35,8 +35,8 @@ class MotionOptions(PictureOptions):
         float | None,
         typer.Option(
             metavar="HZ",
-            help="for --ring-down or --creep: frames per second of the recording, if the file does not contain this rate "
-            "or is played in slow motion",
+            help="for --ring-down or --creep: frames per second of the recording, if the file does not contain this "
+            "rate or is played in slow motion",
         ),
     ] = None
     released: Annotated[

@@ -395,8 +395,8 @@ def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tup
 
     An edge point is located at each of these arc lengths, but only every s-th point is stored; the others serve to
     estimate the scatter of the points. At most `MOST_POINTS` points are stored, at least `spacing` apart. Neighbouring
-    arc lengths are at most `widest` apart, unless the pieces of the edge over which their grey values are averaged would
-    then overlap.
+    arc lengths are at most `widest` apart, unless the pieces of the edge over which their grey values are averaged
+    would then overlap.
     """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)
