@@ -52,6 +52,7 @@ def graph(archive: Path) -> dict[str, Any]:
 
 def test_every_file_is_in_the_archive_with_its_hash(results: Path, tmp_path: Path) -> None:
     published = eimi.publish(results, tmp_path / "study.eln", people=results.parent / "people.toml", licence="CC0-1.0")
+    assert published.path == tmp_path / "study.eln"
     assert published.remarks == ()
     described = {node["name"]: node for node in graph(tmp_path / "study.eln").values() if node["@type"] == "File"}
     texts = {f"run_{name}.toml" for name in ("specimen", "calibration", "protocol", "rig")}
