@@ -106,6 +106,6 @@ class MeasuredTemperature(Record):
 
     @property
     def in_words(self) -> str:
-        """Return the mean temperature with the lowest and the highest temperature in words."""
+        """Return the mean, the lowest and the highest measured temperature of the specimen as text."""
         span = f", from {self.lowest_degC:.1f} to {self.highest_degC:.1f}" if self.states > 1 else ""
         return f"{self.mean_degC:.1f} °C{span}"

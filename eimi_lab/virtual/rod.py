@@ -246,10 +246,10 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic forces on the n coordinates z, shape (n,), each divided by its stiffness.
+        """Return the elastic force on each of the n coordinates z, divided by its stiffness, shape (n,).
 
-        For a linear rod the result would be z. It differs from z because a strongly bent rod softens, and because
-        stretch and bending influence each other.
+        For small coordinates the result is z. At large coordinates it differs from z, because a strongly bent rod
+        softens, and because stretch and bending influence each other.
         """
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]

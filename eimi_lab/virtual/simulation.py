@@ -42,7 +42,7 @@ class Simulation:
     model
         The finite-element model of the beam.
     shapes
-        The shapes that the finite-element model computed, for one set of parameters in K states. A state is one field.
+        The computed shapes of the beam for one set of parameters, in K states. Each state has another field.
     field_mT
         Field in each state, mT, shape (K,).
     tips

@@ -85,7 +85,7 @@ THICKER = replace(BEAM, width_mm=3.03)
 def thicker() -> Estimate:
     """The estimate of a beam whose width differs from the width in its file by 1.5 standard uncertainties.
 
-    The fit is a whole fit. The fits of the other estimates in this file leave out the search, and start near the
+    This fit searches the parameters in their whole range. The fits of the other estimates in this file start near the
     optimum.
     """
     return identify("neo-hookean", [experiment(noisy_edges(THICKER), width=0.02)])

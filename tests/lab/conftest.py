@@ -100,13 +100,13 @@ def draw(seed: int, shift_px: float = 0.0) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="session")
 def texts() -> dict[str, str]:
-    """The texts of the TOML files of the small bench, by kind of file: specimen, calibration and protocol."""
+    """The texts of three TOML files of an emulated bench, by kind of file: specimen, calibration and protocol."""
     return {"specimen": SPECIMEN, "calibration": CALIBRATION, "protocol": PROTOCOL}
 
 
 @pytest.fixture
 def files(tmp_path: Path, texts: dict[str, str]) -> Path:
-    """A folder with specimen.toml, calibration.toml and protocol.toml of the small bench."""
+    """A folder with specimen.toml, calibration.toml and protocol.toml of an emulated bench."""
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
     return tmp_path
@@ -120,7 +120,7 @@ def frame() -> Callable[..., NDArray[np.uint8]]:
 
 @pytest.fixture
 def pictures(files: Path) -> Path:
-    """A folder with four images in `frames/`, their currents in states.csv, and the TOML files of the small bench."""
+    """A folder with four images in `frames/`, their currents in states.csv, and the TOML files of an emulated bench."""
     folder = files / "frames"
     folder.mkdir()
     lines = ["frame,current_A"]

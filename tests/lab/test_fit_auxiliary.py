@@ -45,7 +45,7 @@ REST_MM = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
 
 @cache
 def bent_places() -> np.ndarray:
-    """Return the places of nine points on the bent strip under FORCES_N, with noise: x and y in mm, shape (3, 9, 2)."""
+    """Return nine noisy points on a silicone beam under each of three tip forces: x and y in mm, shape (3, 9, 2)."""
     model = BeamModel(Specimen(30.0, 3.0, 10.0, 1070.0, "plane-strain")).refined()
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along([0.0] * 3, 90.0, 90.0, FORCES_N))
     return model.positions(shapes, REST_MM)[0] + np.random.default_rng(0).normal(0, 0.005, (3, 9, 2))

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Path:
-    """A folder with the specimen file and the calibration file of the strip in the videos."""
+    """A folder with the specimen file and the calibration file of the silicone strip that the rendered videos show."""
     (tmp_path / "strip.toml").write_text(to_toml(STRIP))
     (tmp_path / "level.toml").write_text(to_toml(LEVEL))
     return tmp_path

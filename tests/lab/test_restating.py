@@ -27,7 +27,7 @@ def changed(file: Path, key: str, value: object) -> Path:
 
 @pytest.fixture
 def acquired(setup) -> Path:
-    """The path of a dataset that a run with four states on the small bench has written."""
+    """The path of a dataset that a run with four states on an emulated bench has written."""
     setup.run()
     return setup.path
 

@@ -1,7 +1,7 @@
 """When a beam is followed from frame to frame, errors near its tip do not add up.
 
-The picture says little about the ends of the curve that describes the beam. The ends are drawn toward the expected
-curve. Large deflections are still followed.
+A curve describes the beam in each frame. The ends of the curve are uncertain, and are drawn toward the expected curve.
+Large deflections are still followed.
 """
 
 from __future__ import annotations

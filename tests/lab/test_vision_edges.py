@@ -158,7 +158,8 @@ def test_the_computed_deviation_covers_uneven_light_beside_the_magnet():
 def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
     """A dark rod 19 px beside the beam does not displace the edges of the beam.
 
-    The slope of the back-light is measured at this distance. The rod must not be taken for such a slope.
+    At this distance from the beam, the program measures how the brightness of the back-light changes. It must not take
+    the rod for such a change.
     """
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)

@@ -40,9 +40,9 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """A bent beam has no equilibrium for the law about which its edges would be linearised, nor for similar laws.
+    """A bent beam has no equilibrium for a law near the solution, nor for laws that are slightly stiffer or softer.
 
-    Linearised edges are approximated by linear functions of the coefficients of the law.
+    Its edges can therefore not be approximated by linear functions of the coefficients of the law.
     """
 
 
@@ -210,11 +210,11 @@ def _whitened(
 ) -> tuple[Rows, float]:
     """Return the equations of one experiment divided by their noise, and the standard deviation of the noise in mm.
 
-    The edge of a state has many points and would give one equation for each point. But all that the fit can change are
-    the coefficients and the nuisances (errors of inputs). Each of them displaces the points of the edge in one pattern,
-    a vector, and the error of the beam model is one more such vector. The equations are therefore projected on the
-    space of these few vectors. All projected equations of a state share the error of the beam model, so that their
-    errors are correlated. They are transformed to equations with independent errors.
+    Each point of an edge gives one equation, but few equations are enough. The unknowns are the coefficients and the
+    nuisances (errors of inputs). A change of one unknown displaces the points of a state by a fixed vector times the
+    change. The equations of a state are projected on the space of these vectors and of the error of the beam model,
+    because all other components are independent of the unknowns. The error of the beam model is common to the equations
+    of a state and correlates their errors. They are transformed to equations with independent errors.
 
     Parameters
     ----------

@@ -48,7 +48,8 @@ class Support:
     amplitudes : array, shape (q,)
         Amplitudes of the q nuisances: errors of inputs, such as a width, in standard uncertainties.
     prediction_errors : array, shape (N,)
-        Error of the prediction of each equation by a fit that omits the group of this equation, in units of the noise.
+        Error with which each equation is predicted by a fit to the other groups of equations (cross-validation), in
+        units of the noise.
     excess : float
         Sum of the squared prediction errors of this set, minus the smallest such sum of all sets of terms.
     excess_error : float

@@ -309,11 +309,10 @@ def _with_intervals(
 ) -> StressFit:
     """Return the tensile fit of the Ogden law with its 95 % intervals.
 
-    The intervals come from the linearised stress. The unknowns are the exponents alpha_p and the contributions mu_p
-    alpha_p / 2 to the initial shear modulus. The bounds of an exponent (``ranges``) are a normal prior with the
-    variance of a uniform distribution between them. The data do not determine the exponent of a term whose contribution
-    is zero. The interval of its modulus then goes from zero to the largest modulus that could not be detected in the
-    noise.
+    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 to the initial shear
+    modulus. Each exponent has a normal prior with the variance of a uniform distribution between its bounds
+    (``ranges``). The data do not determine the exponent of a term without a contribution. The interval of the modulus
+    of such a term extends from zero to the largest modulus that could not be detected in the noise.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

@@ -65,8 +65,7 @@ class Prony:
     def creep(self, time_s: float) -> Array:
         """Return the strain at a time after a sudden constant stress, divided by the immediate strain, shape (...).
 
-        The strain of term i follows the whole strain with the relaxation time tau_i. The strains of the n terms obey n
-        linear differential equations, whose matrix is symmetric in scaled strains.
+        It is the exact solution of n linear differential equations, one for each term of the series.
         """
         u = np.sqrt(self.g / self.tau_s)
         matrix = u[..., :, None] * u[..., None, :] - np.eye(u.shape[-1]) / self.tau_s[..., None]

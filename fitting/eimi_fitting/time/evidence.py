@@ -76,9 +76,9 @@ class RingEvidence:
     repeats : int
         Number of ring-downs under the same loads. They have the same table, and its errors are common to all of them.
     age_s : float
-        Time in s from the last change of the load to the vibrations. The beam has crept for this time. The equilibrium
-        about which the beam vibrates is computed with the modulus that gives the strain after this time, under loads
-        that are constant from the change on.
+        Time in s from the last change of the load to the vibrations. The beam has crept for this time under constant
+        loads. The equilibrium about which it vibrates is computed with the instantaneous modulus, divided by the factor
+        by which the strain has grown.
     """
 
     table: RingTable
@@ -97,8 +97,8 @@ class RingEvidence:
         mode by 25 to 50 %.
 
         table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
-        ring-down begins with a known step of the load. The beam has then crept only since this step. Otherwise it is
-        assumed to have been at rest for a long time, as also if gravity alone acts after the step.
+        ring-down begins with a known step of the load. If a field or a force acts after such a step, the beam has crept
+        only since the step. In all other cases the beam is assumed to have been at rest for a long time.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
@@ -188,7 +188,7 @@ class Sag:
     measured : float
         The measured sag, as a multiple of the computed sag (by least squares over the points).
     moduli_Pa, ratios : ndarray, shape (m,)
-        Shear moduli, and the sag computed with each of them, as such a multiple.
+        Several shear moduli. For each of them, the computed sag as a multiple of the sag with the middle modulus.
     """
 
     computed_mm: float
@@ -253,8 +253,8 @@ class RestEvidence:
     Attributes
     ----------
     modulus_Pa : float
-        The shear modulus. It is computed with the planar model. For a solid section it is converted to the modulus with
-        which the solid model bends as far as the planar model.
+        The shear modulus. It is computed with a planar (two-dimensional) model of the beam. For a solid section, it is
+        converted to the modulus with which the three-dimensional model bends as far as the planar model.
     sigma : float
         Relative standard uncertainty of the modulus.
     """

@@ -204,10 +204,10 @@ class TimeOptimum:
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum if the magnetic loads are larger than stated, (m,).
+        """Return how the m unknowns at the optimum change if the magnetic loads are larger than stated, (m,).
 
-        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. ``sigma`` is added to the mean
-        of this prior.
+        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. The magnetic loads are larger if
+        the mean of this prior is larger, here by ``sigma``.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 

@@ -6,9 +6,9 @@ moduli matter:
 - The equilibrium modulus is the shear modulus with which the static equilibrium is computed. The modes
   (`beam.vibration`) are computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus.
 - A vibration is proportional to exp(s t) with the complex rate s. Its modulus is the equilibrium modulus times a
-  complex ratio r(s), and s follows from s² = -lambda(r(s)). Here lambda(r) is an eigenvalue of stiffness and mass. It
-  is computed for a few real ratios r. The values of lambda/r are interpolated by a polynomial in 1/r, which then gives
-  lambda for any complex r.
+  complex ratio r(s), and s follows from s² = -lambda(r(s)). Here lambda(r) is the eigenvalue of a mode for the ratio r;
+  for a real r it is the squared angular frequency. It is computed for a few real ratios r. The values of lambda/r are
+  interpolated by a polynomial in 1/r, which then gives lambda for any complex r.
 
 The modes are computed with a planar model and corrected by three factors, because the solid model is more accurate. The
 first factor multiplies the equilibrium modulus, so that the planar model bends like the solid model. The second
@@ -106,8 +106,8 @@ class RingTable:
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
         """Return the complex rates s of the vibrations of P candidate laws, (P, count) in 1/s.
 
-        A vibration is proportional to exp(s t). The rates are computed with the planar model, whose stiffness is
-        corrected so that they are those of the solid model.
+        A vibration is proportional to exp(s t). The rates are computed with the planar (two-dimensional) model of the
+        beam, and corrected to the rates of the solid model.
 
         Parameters
         ----------
@@ -166,7 +166,8 @@ class RingTable:
         def logs(log_factors: Array) -> Array:
             """Return ln(eigenvalue) of three modes of the planar model at r = 0.9 and r = 1.2, (3, 2).
 
-            log_factors: for each mode, the logarithm of a factor by which r is first multiplied.
+            The ratio r is the modulus in a vibration divided by the equilibrium modulus. log_factors: for each mode,
+            the logarithm of a factor by which r is first multiplied.
             """
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
@@ -192,8 +193,8 @@ class RingTable:
     def planar_over_solid_modulus(self) -> float:
         """The factor on the modulus with which the planar model bends as far as the solid model under the same loads.
 
-        The rotations of the two tips are compared at the middle modulus of the table. The factor is 1 for a specimen
-        with a planar section.
+        It makes the rotations of the two tips equal. The shear modulus of the solid model is ``middle_Pa``. The factor
+        is 1 for a specimen with a planar section.
         """
         return self._better[1]
 
@@ -266,11 +267,11 @@ class RingTable:
         return np.asarray(ratio), float(np.exp(stiffer)), _eigenvalues(better) * factors
 
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
-        """Return what a finer mesh across the beam would change in the solid model, as the planar model shows it.
+        """Return how a finer mesh across the beam would change the solid model: its frequencies and its bending.
 
-        At the clamp and at the magnet the stress has large gradients. Elements that are small across the beam follow
-        them. They lower the frequency by 0.04 to 0.06 %, and a planar model shows this change nearly as a solid model
-        does, at a hundredth of the cost.
+        The stress has large gradients at the clamp and at the magnet, which need small elements. These lower the
+        frequency by 0.04 to 0.06 %. The change is computed with two planar (two-dimensional) models, because it is
+        nearly the same in a planar model as in the solid model, at a hundredth of the cost.
 
         Parameters
         ----------
@@ -281,9 +282,10 @@ class RingTable:
 
         Returns
         -------
-        tuple of ndarray and float
-            The factors on the eigenvalues of `_eigenvalues`, (3, 2), and the change of the tip's rotation in degrees.
-            1 and 0 if one of the planar models has no equilibrium.
+        factors : ndarray, shape (3, 2)
+            Factors on the eigenvalues (squared angular frequencies) of three modes at two moduli, see `_eigenvalues`.
+        turn_deg : float
+            Change of the rotation of the tip in degrees. The results are 1 and 0 if a planar model has no equilibrium.
         """
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
         squares, turned = [], []

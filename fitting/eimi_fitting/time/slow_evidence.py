@@ -235,7 +235,7 @@ class StaticEvidence:
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return ln(modulus) that an elastic fit would find for given rotations of the tip, (P,).
+        """Return ln(modulus) that an elastic fit would find in static states with given rotations of the tip, (P,).
 
         The result is a mean over the states; states with larger rotations have more weight. rotations: for each run,
         the rotations when the edges of its states were measured, for P candidate laws, (P, states) in rad.
