@@ -87,10 +87,11 @@ def test_the_outline_in_plane_strain_is_the_edge_of_the_planar_model():
 
 @pytest.mark.parametrize("solid", [False, True])
 def test_an_outline_goes_forward_where_it_changes_from_the_near_to_the_far_face(solid: bool) -> None:
-    """Where the outline of the beam in the picture changes from the near to the far face, its points stay in order.
+    """The points of an outline stay in order where the outline in the picture changes from the near to the far face.
 
-    Both faces are equally far out at this place. The lens of this test is very near. In the picture, the near and the
-    far face of one cross-section are therefore farther apart along the beam than two neighbouring cross-sections.
+    Both faces of the beam are equally far out at this place. The lens of this test is very near. In the picture, the
+    near and the far face of one cross-section are therefore farther apart along the beam than two neighbouring
+    cross-sections.
     """
     specimen = replace(BEAMS["deep"], magnet=None)
     model = SolidModel(specimen, 20, 2) if solid else BeamModel(specimen, 20, 2)

@@ -50,7 +50,7 @@ def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
     """Return a replacement for a user who swaps the leads of the coil when the run asks for it, and then presses Enter.
 
     The function returns the typed line, or None if the user types nothing. At each call with the output off, it appends
-    to `answered` whether the current set-point is zero, too.
+    to `answered` whether the set-point of the current is zero.
     """
 
     def typed() -> str | None:

@@ -25,7 +25,10 @@ from eimi_lab.vision.projection import _CHANNELS
 
 
 def test_grey_is_the_luma_of_opencv_and_a_channel_is_itself() -> None:
-    """The grey value of a pixel has the weights of ITU-R BT.601; the colour channels are blue, green and red."""
+    """The grey value of a pixel is the sum of its colours with the weights of ITU-R BT.601, as in OpenCV.
+
+    The colour channels are blue, green and red.
+    """
     colours = np.random.default_rng(1).integers(0, 256, (50, 1, 3), dtype=np.uint8)
     places = {"blue": colours[..., 0], "green": colours[..., 1], "red": colours[..., 2]}
     places["grey"] = cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY)

@@ -39,7 +39,10 @@ def test_the_width_of_a_side_face_follows_from_depth_and_distance() -> None:
 
 
 def test_a_dark_side_face_is_not_taken_for_a_shadow(tmp_path: Path) -> None:
-    """The lower edge is that of the far face, although the lower side face is as dark as the shadow behind it."""
+    """The lower edge of a beam in perspective is found at its far face, although a side face looks like a shadow.
+
+    The lower side face is visible below the near face, and is as dark as the shadow behind the beam.
+    """
     scene = replace(drawn_scene(38, 0.3), grams=(0.0,))
     body = bent_bodies(scene)[0]
     picture = tmp_path / "IMG_0.jpg"

@@ -40,8 +40,8 @@ class SearchSpace:
         The hyperelastic law.
     names
         Names of the m physical coordinates, the quantities that the search varies. The first is the initial shear
-        modulus (Pa). If the last is the bulk modulus, the first is a quarter of E / (1 - nu^2) (Pa); see the module
-        `laws.search_space`.
+        modulus (Pa). If the last is the bulk modulus, the first is a quarter of E / (1 - nu^2) (Pa), with Young's
+        modulus E and Poisson's ratio nu.
     lower, upper
         Bounds of the physical coordinates.
     """
@@ -77,7 +77,7 @@ class SearchSpace:
 
         ``x`` has the m physical coordinates of each candidate (the quantities in ``names``), (P, m). The first
         coordinate is mu, unless the bulk modulus K is a coordinate. Then the first coordinate is a quarter of E / (1 -
-        nu^2), from which mu is computed with K/mu (see the module).
+        nu^2), with Young's modulus E and Poisson's ratio nu, and mu is computed from it and from K/mu.
         """
         if not self.has_bulk:
             return x[:, 0]

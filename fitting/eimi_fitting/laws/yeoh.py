@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 def _stability_polynomial() -> Array:
     """Return the polynomial that decides the stability of the law, as coefficients of shape (10, 3).
 
-    Its smallest positive root gives the stability limit. The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial
-    tension, where q is the square of the two equal stretches (see the module). It is a polynomial in q - 1, and linear
-    in the parameters C10, C20 and C30. Row k of the result belongs to the power k of q - 1, and each column to one
-    parameter. The powers of q follow from
+    Its smallest positive root gives the stability limit. W' and W'' are the first two derivatives of the strain energy
+    W by the invariant I1. The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, where q is the square
+    of the two equal stretches. It is a polynomial in q - 1, and linear in the parameters C10, C20 and C30. Row k of the
+    result belongs to the power k of q - 1, and each column to one parameter. The powers of q follow from
 
         I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     """

@@ -164,7 +164,7 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals if uncertain inputs change, see `Evidence.effects`."""
+        """Return how the residuals change if an uncertain input, such as the width, changes; see `Evidence.effects`."""
         return {
             key: np.concatenate(
                 [
@@ -294,7 +294,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros (see `Evidence.effects`): the effects of uncertain inputs, such as a width, are neglected."""
+        """Return zeros for each uncertain input, such as a width, because its effect on the residual is neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 

@@ -255,7 +255,7 @@ class _Plan:
     curves : list of LoadCurve
         The moment of the loads as a function of the rotation of the tip, for each step.
     wanted : ndarray of int
-        Numbers of the steps that end at the wanted times.
+        Numbers of the steps that end at a time for which the rotation is wanted.
     """
 
     spans_s: Array

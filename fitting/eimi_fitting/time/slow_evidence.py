@@ -173,7 +173,7 @@ class CreepEvidence:
         return np.asarray(rows - rows @ basis @ basis.T)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros (see `Evidence.effects`): the effects of uncertain inputs, such as a width, are neglected."""
+        """Return zeros for each uncertain input, such as a width, because its effect on the residuals is neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s) + 1)) for key in sources}
 
 
@@ -262,7 +262,7 @@ class StaticEvidence:
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual if uncertain inputs change, see `Evidence.effects`."""
+        """Return how the residual changes if an uncertain input, such as the width, changes; see `Evidence.effects`."""
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -328,7 +328,7 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals if uncertain inputs change, see `Evidence.effects`."""
+        """Return how the residuals change if an uncertain input, such as the width, changes; see `Evidence.effects`."""
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:
             parts.append(self._static.effects(sources))

@@ -219,7 +219,8 @@ def slow_rotations(
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
     """Return times (s) and the squared amplitudes of the fitted vibration at these times, as rotations in rad².
 
-    gain: see `_ringing_after`.
+    A rotation is that of the tip. gain: for each channel (coordinate of a point), the displacement for a rotation of
+    the tip by one rad, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
@@ -232,8 +233,10 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
     """Return the n frames that show the slow motion: times, rotations of the tip, remaining vibrations, (n,) each.
 
-    The times are in s, and the rotations in rad, up to a constant. The fitted vibrations are subtracted. A remaining
-    vibration is a root mean square rotation in rad. decay, gain: see `slow_rotations` and `_ringing_after`.
+    The times are in s, and the rotations in rad, up to a constant. The fitted vibrations are subtracted. What remains
+    of them is given as a root mean square rotation in rad. decay: the fitted vibrations; None if no vibration was
+    found. gain: for each channel (coordinate of a point), the displacement for a rotation of the tip by one rad,
+    divided by the noise.
     """
     times = signals.time_s
 

@@ -51,10 +51,9 @@ def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
     The two vibrations have almost equal frequencies. The weight swings if this fit describes the motion much better
     than ``fitted``, the fit of one vibration to the same frames.
 
-    The result is also None if something else than the swing seems to take energy from the beam. Three conditions
-    together show this. The two vibrations differ by less than 10 % in frequency. The first two time windows
-    (``windows``) have the same frequency. The loss factor of the first window is a fifth to a half of the loss factor
-    that this fit gives for the beam.
+    The result is also None if the motion seems to have another cause than a swing. This is so if the two vibrations
+    differ by less than 10 % in frequency, the first two time windows (``windows``) have the same frequency, and the
+    loss factor of the first window is a fifth to a half of the loss factor of the beam in this fit.
     """
     if fitted.noise < _NOISE:
         return None
