@@ -186,7 +186,10 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Do the same as `tried`, but leave out the tests that the options ``left_out`` of pytest deselect."""
+    """Put a mistake into a copy of the project and run its tests, as `tried` does, but leave out some of the tests.
+
+    ``left_out`` has options of pytest, each of which leaves out one test.
+    """
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")

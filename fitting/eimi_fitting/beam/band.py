@@ -28,10 +28,10 @@ def bandwidth(dofs: Indices) -> int:
 
 
 def _most_contributions(numbers: Indices) -> int:
-    """Return the largest number of elements that contribute to the same entry of the assembled matrix.
+    """Return how many elements contribute to the same entry of the assembled matrix, at most.
 
-    A contribution is an entry of an element's matrix, which is added to an entry of the assembled matrix. numbers: for
-    each contribution, how many contributions were added to the same entry before it.
+    Each entry of an element's matrix is a contribution to an entry of the assembled matrix. The contributions to one
+    entry are counted from 0, and ``numbers`` has these counts for all entries.
     """
     return int(numbers.max(initial=0)) + 1
 

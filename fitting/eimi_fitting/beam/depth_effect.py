@@ -131,16 +131,20 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return Lagrange's weights w_i(s) of the solved states at one value s (``place``) of the bending."""
+        """Return the weight of each solved state in the interpolation of the depth effect at the bending ``place``.
+
+        The depth effect is the shape of the solid model minus the shape of the planar model, as a polynomial in a
+        number that measures the bending. The weights are those of Lagrange's polynomial.
+        """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences d_i - b(s_i) in the solved states i, which are interpolated.
+        """The differences between this depth effect and its base in the solved states, as configurations.
 
-        d_i is the solid minus the planar configuration, s_i is the bending of the state (``places``), and b is the
-        depth effect of a similar candidate law (``base``).
+        The base is the depth effect (solid minus planar configuration) of a similar candidate law. A polynomial through
+        these differences is added to the base.
         """
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
@@ -158,16 +162,17 @@ class DepthEffect:
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The depth effect as a polynomial d(s) of its own, so that it can be the base of another depth effect.
+        """The depth effect without a base, so that it can itself be the base of another depth effect.
 
-        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. A depth effect may be
-        stored as a correction to a base (the depth effect of a similar candidate law). Here the base and the correction
-        are joined: a polynomial is put through the values of d(s) at the solved states of the base.
+        The depth effect d(s) is the shape of the solid model minus the shape of the planar model, at the bending s. It
+        may be stored as a correction to a base, which is the depth effect of a similar candidate law. The result has no
+        base: a new polynomial is put through d(s), base and correction together. Its values s are those at which the
+        solid model was solved for the base.
 
-        If s is the rotation of the tip, the tip rotates by another angle than with the candidate of the base. The
-        values of s are then multiplied by a ratio: the rotation in the first solved state of this object, divided by
-        the rotation in the first solved state of the base. If this object has no solved states of its own, the result
-        is the base.
+        If s is the rotation of the tip, these values are first multiplied by a ratio, because the tips of the two
+        candidates rotate by different angles. The ratio is the rotation in the first solved state of this object,
+        divided by the rotation in the first solved state of the base. If this object has no solved states of its own,
+        the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self

@@ -39,10 +39,10 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
 
-    The left face of the beam consists of lines through the depth, one at each station along the beam, and so does the
-    right face. The camera sees such a line from one end, or nearly so. Of each line, the point that appears farthest
-    outside belongs to the outline: the point that is farthest in the direction of the outward normal. This point may
-    lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
+    The left and the right face of the beam consist of lines through the depth, one at each station (cross-section)
+    along the beam. The camera looks almost along these lines, so that a line appears as a point or as a short curve.
+    The point of each line that appears farthest in the direction of the outward normal belongs to the outline. This
+    point may lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
 
     In perspective, the two ends of a line may appear at different distances from the clamp. Points of the face that
     appear at the same distance are then compared in place of the points of one line. The outline may follow the near
@@ -137,16 +137,16 @@ def _outward(curves: Array) -> Array:
 
 
 def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return the points at which the lines of one face of the beam cross the normals of its edge in the picture.
+    """Return the points at which the lines along one face of the beam cross the normals of the beam in the picture.
 
     The face (left or right) consists of m lines along the beam, one at each depth. Each line has a point (x, y) at each
     of n stations along the beam, ``lines`` (..., n, m, 2), and is quadratic between them. At each station, ``middle``
     (..., n, 2) is the point at mid-depth, and ``normal`` (..., n, 2) the normal of the beam through this point. The
-    result has the shape of ``lines``. The outline is chosen among its points.
+    result has the point at which each line crosses each normal, in the shape of ``lines``.
 
-    The points of a station itself are not used. In perspective, its near and its far point may be farther apart along
-    the beam than two neighbouring stations. An outline through the near point of one station and the far point of the
-    next one would then turn back.
+    The outline is chosen among these points, and not among the points ``lines``. In perspective, the near and the far
+    point of a station may appear farther apart along the beam than two neighbouring stations. An outline through such
+    points could turn back.
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)

@@ -111,10 +111,10 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 
 
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
-    """Return the angle of the centre line in bending mode i, in rad, or the offset of the centre line in this mode.
+    """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    The mode is scaled so that its largest offset is the length l of the flexible part. x: arc length from the clamp,
-    divided by l. integrals: 0 for the angle, 1 for the offset divided by l.
+    A mode is a smooth deviation from the rest shape, scaled so that its largest offset is the length l of the flexible
+    part. The angle is in rad, and the offset is divided by l. x: arc length from the clamp, divided by l.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -160,13 +160,14 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances of two lines along the beam from the centre line: before and after the map to rest.
+        """Return the distances from the centre line of two lines along the beam, in the straight strip and at rest.
 
-        A straight beam of constant width (the straight strip) is mapped to the beam at rest. Across the beam, the map
-        is linear between the centre line, the side of the magnet (row 0) and the edge of the beam (row 1). If the
-        magnet is not narrower than the strip, or if there is no magnet, row 0 belongs to a line half-way to the edge.
-        The first result, (2, 1) in mm, has the distances in the strip. The second result, (2, n) in mm, has the
-        distances in the beam at n arc lengths ``s``, (n,) in mm.
+        The straight strip is a straight beam of constant width, which is mapped to the beam at rest. The first line is
+        the side of the magnet, and the second line the edge of the beam. Across the beam, the map is linear between the
+        centre line, the first line and the second line. Without a magnet, or if the magnet is as wide as the strip, the
+        first line lies half-way to the edge. The first result, (2, 1) in mm, has the distances of both lines in the
+        strip. The second result, (2, n) in mm, has their distances in the beam at rest, at n arc lengths ``s``, (n,) in
+        mm.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0

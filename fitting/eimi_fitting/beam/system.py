@@ -172,10 +172,10 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements unchanged, and append to ``tied`` those at the rigid body.
+        """Yield the matrices of each group of elements unchanged, and keep those of elements at the rigid body.
 
-        An element is at the rigid body (the magnet) if some of its nodes move with this body. The matrices of a group
-        are read only once, so that the group need not be kept in memory.
+        The rigid body is the magnet. An element is at the body if some of its nodes move with it; its matrix is
+        appended to ``tied``. Both uses are served by one pass, so that a group need not stay in memory.
         """
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:

@@ -134,10 +134,10 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 def _valid(problem: Problem, unit: Array) -> Array:
     """Return a candidate near ``unit`` (n,) that has a stable equilibrium in all states, if ``unit`` itself has none.
 
-    A candidate has n unknowns in unit coordinates (0 to 1). The search found ``unit`` on a coarse mesh. The finer mesh
-    of ``problem`` has larger stretches, at which a law that softens may be unstable. The first coordinate, which gives
-    the modulus, is kept. The other coordinates are moved toward 1/2 in four steps, until the law is stable. If no step
-    helps, ``unit`` is returned.
+    A candidate is a set of values of the n unknowns, each from 0 to 1 between its bounds (unit coordinates). The search
+    found ``unit`` on a coarse mesh. The finer mesh of ``problem`` has larger stretches, at which the law may be
+    unstable. All coordinates but the first, which determines the modulus, are then moved toward 1/2 in four steps,
+    until the law is stable. If no step helps, ``unit`` is returned.
     """
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]

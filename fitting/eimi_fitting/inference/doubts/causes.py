@@ -258,10 +258,11 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of deviations of inputs that the residuals do not distinguish.
+    """Return the probabilities of some deviations of inputs; those that the residuals do not distinguish are added.
 
-    ``within`` contains the deviations of inputs, within their stated uncertainties, that can be recognised in the
-    residuals. The probability of a group is the sum of the probabilities of its deviations, but at most 1.
+    ``within`` has the deviations of inputs, within their stated uncertainties, that can be recognised in the residuals.
+    Deviations that the residuals do not distinguish form a group. The result has one probability for each group: the
+    sum over its deviations, but at most 1.
     """
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]

@@ -59,7 +59,11 @@ def strengths(loads: Loads) -> Array:
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for a state after an increase of the load (`strengths`) and -1 after a decrease, for K states, (K,)."""
+    """Return whether the load increased or decreased before each of K states: 1 or -1, (K,).
+
+    The size of the load is the sum of field and tip force, each divided by its largest value. If it does not change,
+    the direction of the state before is repeated. The first state counts as an increase.
+    """
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -79,9 +83,9 @@ def _graded(loads: Loads, amplitudes: Array) -> Loads:
     """Return the loads with a field whose strength varies in space, linearly and quadratically.
 
     A gradient is the relative change of the field strength per metre. ``amplitudes`` has three gradients. The first two
-    belong to the linear change, along and across the straight beam. The third describes the quadratic change along the
-    axis of the coil: it is the gradient at a distance of 10 mm, along this axis, from the position of the magnet at
-    rest. At this position itself, the quadratic change has no gradient.
+    are constant in space, along and across the straight beam. The third describes the quadratic change along the axis
+    of the coil. Its gradient is zero at the magnet of the straight beam and increases linearly with the distance along
+    this axis; the third number is its value at 10 mm.
     """
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 

@@ -30,8 +30,8 @@ def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift
     displacements of the positions by the error. The displacement of the clamp is subtracted from them, because
     positions are measured from the clamp.
 
-    This is wrong if the position of the clamp was measured in another picture. Two further sizes of the error, from the
-    index ``shift``, then compensate for it: a shift of all points in x and y, in mm.
+    If the clamp was measured in another picture, its displacement should not be subtracted. The error then has two
+    further sizes, with the indices ``shift`` and ``shift + 1``: a shift of all points in x and in y in mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -74,10 +74,10 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
     """Return the displacements in mm of the positions ``places`` by a radial distortion of the lens.
 
     Positions (x, y) in mm and displacements have the shape (..., 2). Let R be the distance of the farthest measured
-    point from the assumed centre of the lens. A position with the vector r from the true axis of the lens is displaced
-    by k |r|^2 / R^2 times r. The first amplitude is k, the relative distortion at the distance R. The next two
-    amplitudes are k / R times the distance in x and y of the true axis from the assumed centre. If the axis is more
-    than 2 R from the centre, only the terms that are linear in the amplitudes are kept.
+    point from the assumed axis of the lens, and r the vector from the true axis to a position. The position is
+    displaced by k |r|^2 / R^2 times r. ``amplitudes`` has three numbers. The first is k, the relative distortion at the
+    distance R. The other two are the displacement of the true axis from the assumed axis in x and y, times k / R. If
+    this displacement exceeds 2 R, only the terms that are linear in the amplitudes are kept.
     """
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre

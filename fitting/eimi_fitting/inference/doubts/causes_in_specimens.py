@@ -1,6 +1,6 @@
-"""List the possible causes of residuals that belong to the specimen, its clamp, or the law of its material.
+"""List possible causes of residuals: a wrong shape, twist or clamping of the specimen, or a wrong law of its material.
 
-A cause is a possible error of a bench (`inference.doubts.possible_causes`).
+A cause is an assumption of a fit that may be wrong (`inference.doubts.possible_causes`).
 """
 
 from __future__ import annotations

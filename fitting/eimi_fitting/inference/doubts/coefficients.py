@@ -1,8 +1,8 @@
-"""Collect the coefficients of all hypotheses about the causes of residuals, and how each of them changes the data.
+"""Collect the unknown numbers of all hypotheses about the causes of residuals, and the effect of each on the residuals.
 
-A cause is a possible error of the bench, and a hypothesis is a set of causes. Its model (`inference.doubts.causes`) has
-unknown numbers, the coefficients, such as the size of a cause. The data describe the residuals by polynomials along
-each edge (`inference.doubts.edge_coefficients`).
+A cause is a possible error of the bench, and a hypothesis is a set of causes. The unknown numbers of a hypothesis are
+called coefficients: the sizes of its causes, changes of the law and deviations of inputs. Their effects are described
+by polynomials along each edge (`inference.doubts.edge_coefficients`).
 """
 
 from __future__ import annotations
@@ -122,14 +122,15 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return what coefficient number ``row`` is: the size of an error of the bench or of an input's deviation."""
+        """Return what the unknown number ``row`` is: the size of an error of the bench, or an input's deviation."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Assign numbers to the amplitudes of inputs or causes, and return one list for each input or cause.
+    """Return consecutive indices, from ``first`` on, for the unknown sizes of inputs' deviations or of causes.
 
-    ``columns`` has the amplitudes of each input or cause. The numbers are consecutive and begin with ``first``.
+    ``columns`` has one element for each input or cause (possible error of the bench), with its unknown sizes, such as a
+    shift in x and in y. The result has the list of the indices of each element.
     """
     blocks = []
     for some in columns:

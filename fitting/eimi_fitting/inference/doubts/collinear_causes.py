@@ -1,19 +1,19 @@
 """Find causes (errors of the bench) that change the residuals alike, and give these causes equal probabilities.
 
-When are two causes alike? Let e_a be the residuals that remain if only the cause a is present, and e_0 those that
-remain without a cause. Both are in units of the noise. The amplitudes of the cause and the parameters of the law have
-their most probable values. S_a = e_0 - e_a is the part of the residuals that the cause a explains and the law does not
-explain. If S_a and S_b of two causes have the same length |S| and the angle phi between them,
+When are two causes alike? Let e_a be the vector of the residuals that remain if only the cause a is present, and e_0
+the vector of those that remain without a cause. Both are in units of the noise. The amplitudes (sizes) of the cause and
+the parameters of the law have their most probable values. S_a = e_0 - e_a is the part of the residuals that the cause a
+explains and the law does not explain. If S_a and S_b of two causes have the same length |S| and the angle phi between
+them,
 
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2).
 
 If one of the two causes is true and the noise is normal, the logarithm of the odds between the causes is |e_a - e_b|^2
 / 2 on average. The causes are alike if these odds are below 9 to 1. Noise adds about 1 to |e_a - e_b|^2 for each
-amplitude. Each simulated change of the residuals has an error of 1 per cent. The limit for |e_a - e_b|^2 is therefore
-2 ln 9, plus the number of amplitudes of both causes, plus (0.02 |S|)^2. Probable causes are simulated at their
-amplitudes, so that large amplitudes are compared correctly too.
+amplitude. The simulated vectors S_a and S_b may each be wrong by 1 per cent. The limit for |e_a - e_b|^2 is therefore 2
+ln 9, plus the number of amplitudes of both causes, plus (0.02 |S|)^2.
 
-Causes that are alike form a class of at most three. A cause with a negligible value is alone in its class.
+Causes that are alike form a class of at most three. A cause of negligible size is alone in its class.
 
 The data do not decide between the causes of a class. Their evidence (the probability density of the residuals) differs
 only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam that is 9 mm
@@ -86,8 +86,8 @@ def shared_equally(
     """Return the logarithms of the probabilities of hypotheses, shared equally between hypotheses that are alike.
 
     A hypothesis is a set of causes (possible errors of the bench) that are present. A class is a group of causes that
-    the residuals do not distinguish. Two hypotheses are alike if they differ only in the choice within a class. Their
-    probabilities are added and divided equally.
+    the residuals do not distinguish. Two hypotheses are alike if one of them results from the other when a cause is
+    replaced by another cause of its class. Their probabilities are added and divided equally.
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ def shared_equally(
     hypotheses : sequence of tuple of int
         For each hypothesis, the indices of its causes.
     is_uncertain : ndarray of bool, shape (H,)
-        Whether the inputs of each hypothesis deviate within their stated uncertainties.
+        Whether each hypothesis assumes that the inputs are uncertain, as the files state, or exact. Hypotheses that
+        differ in this assumption are not alike.
     of_causes : sequence of tuple of int
         The classes, each as indices of its causes.
 

@@ -76,13 +76,13 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variances in mm^2, (N,), that C errors of the simulation cause in the N coefficients.
+        """Return the variances that C errors of the simulation cause in N polynomial coefficients, in mm^2, (N,).
 
         The coefficients describe the residuals by polynomials along each edge. Row c of ``moves`` (C, N) has the
-        changes of the coefficients by error c in mm. Only the size of the error, the root mean square in each
-        experiment, is taken from this row. The course of the error along an edge is assumed smooth but unknown. A
-        smooth error of 1 mm has the variances ``error``, which are multiplied by the square of the size. The variances
-        of all errors are added.
+        changes of the coefficients in mm whose errors are sought, such as the effect of a wrong scale. Only the root
+        mean square of a row in each experiment is used. How the error varies along the edge is unknown, but assumed
+        smooth. ``error`` has the variances by a smooth error of 1 mm, and is multiplied by the sum of the squares of
+        all rows.
         """
         parts, first = [], 0
         for basis in self.bases:
@@ -132,9 +132,10 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return D polynomials along each edge, which are orthonormal over its used points, (K, G, m, D).
+    """Return polynomials that describe residuals along each edge: their values at the points, (K, G, m, D).
 
-    There are K states, G edges and m points. ``is_used`` (K, G, m) is True for the used points.
+    There are K states, G edges and m points on each edge. The D polynomials of an edge are orthonormal: their products
+    have the sum 0 or 1 over the used points. ``is_used`` (K, G, m) is True for these points.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)

@@ -270,7 +270,7 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether an error of the bench of the given size changes at least one residual noticeably.
+        """Return whether an error of the bench of the given size changes at least one residual by a noticeable amount.
 
         ``changes`` has, for each experiment, the changes of the residuals in mm by an error of the size one, or None.
         """

@@ -21,17 +21,18 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
     """Return how a deviation of each uncertain input of a fit would change the residuals.
 
-    A key of the result stands for an uncertain input; it is a `PossibleCause` with the key of the input in `SOURCES` as
-    name. Its value has one `Column` for each number of the input, such as x and y, with the change of the residuals in
-    mm for a deviation of one. An input that was measured, such as the shape at rest, is left out.
+    The effect of each input is described as for an error of the bench, so that both can be compared. A key of the
+    result is a `PossibleCause` with the name of the input (a key of `SOURCES`). Its value has one `Column` for each
+    number of the input, such as x and y: the change of the residuals in mm for a deviation of one. An input that was
+    measured, such as the shape at rest, is left out.
 
     Parameters
     ----------
     about : About
         The optimum of the fit.
     possible : sequence of PossibleCause
-        The possible errors of the bench. A freed input (determined by the fit) is returned only if its error is one of
-        them. Otherwise it is treated like the parameters of the law.
+        The possible errors of the bench. An input that the fit has determined (a freed input) is left out unless its
+        error is one of them.
     """
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):

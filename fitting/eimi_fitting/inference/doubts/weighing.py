@@ -140,11 +140,11 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the slice of all hypotheses with at most one cause: the hypothesis without a cause comes first.
+        """Return the positions of the hypotheses with at most one cause in the list of all hypotheses, as a slice.
 
-        A hypothesis is a set of causes (possible errors of the bench). If files state uncertainties of inputs, every
-        hypothesis exists twice: with exact and with uncertain inputs. The slice has the inputs of the hypothesis with
-        the index ``best``.
+        A hypothesis is a set of causes (possible errors of the bench). The hypothesis without a cause comes first. If
+        files state uncertainties of inputs, every hypothesis is listed twice: once with exact inputs, once with
+        uncertain inputs. The slice contains the version that the hypothesis with the index ``best`` has.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
@@ -165,10 +165,11 @@ class Weighing:
     ) -> list[tuple[int, ...]]:
         """Return groups (classes) of causes that the residuals do not distinguish, as indices of the causes.
 
-        A cause is a possible error of the bench, and a hypothesis is a set of causes. 1 + n hypotheses are compared:
-        one that contains none of the n ``causes``, and n that contain one of them in addition. ``posterior`` belongs to
-        these hypotheses. Row i of ``y`` (1 + n, N) has the N data that hypothesis i explains: minus the residuals.
-        ``error_squared`` is the mean square in mm^2 of the error that no cause explains.
+        A cause is a possible error of the bench. This method compares 1 + n hypotheses: one without any of the n
+        ``causes``, and n with one of these causes each. ``posterior`` has the sizes of the causes under these
+        hypotheses. ``y`` (1 + n, N) has one row for each hypothesis: the residuals with opposite sign, described by N
+        coefficients of polynomials along the edges. ``error_squared`` is the mean square in mm^2 of the error that no
+        cause explains.
         """
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
@@ -203,12 +204,13 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how strongly some coefficients of a hypothesis change the residuals, in units of the noise.
+        """Return how strongly some unknown numbers of a hypothesis change the residuals, in units of the noise.
 
-        A hypothesis is a set of causes (possible errors of the bench); ``base`` is its index. Its coefficients are
-        unknown numbers, such as the size of a cause. ``rows`` are the indices of the coefficients, which have their
-        posterior means. The residuals are described by polynomials along each edge. The result is the sum of the
-        squared changes of their coefficients, each divided by its variance.
+        A hypothesis is a set of causes (possible errors of the bench), and ``base`` is its index. Its unknown numbers
+        are the sizes of the causes, the changes of the law and the deviations of inputs; ``rows`` are the indices of
+        some of them. Their most probable values (posterior means) change the polynomials that describe the residuals
+        along each edge. The change of each polynomial coefficient is squared and divided by the variance of this
+        coefficient. The result is the sum.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error
@@ -309,10 +311,10 @@ class Weighing:
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
         """Return pairs of indices: a hypothesis that was not simulated, and a simulated hypothesis that corrects it.
 
-        A hypothesis is a set of causes (possible errors of the bench). Its residuals come from a linear model. For a
-        simulated hypothesis, the error of the linear model is known and corrected. Without any correction, the other
-        hypotheses would seem to agree worse with the data. A hypothesis that was not simulated therefore takes the
-        correction of a simulated one.
+        A hypothesis is a set of causes (possible errors of the bench). Its residuals are computed with a linear model,
+        and some hypotheses are also simulated. The difference between simulation and linear model is a correction.
+        Without any correction, a hypothesis that was not simulated would seem to agree worse with the data than a
+        simulated one. It therefore takes the correction of a similar hypothesis that was simulated.
 
         The simulated hypothesis contains only causes of the other one, but not all of them. If there are several
         such hypotheses, the most probable one is taken. The size of some causes was measured before the fit, for
@@ -340,32 +342,30 @@ class Weighing:
     def _model_error(self, moves: Array) -> Array:
         """Return the variance of the N data in mm^2, shape (N,), due to errors of the simulation.
 
-        The data describe the residuals by polynomials along each edge (`inference.doubts.edge_coefficients`). Two
-        errors are counted. One is the error that remains after the corrections by better beam models. The other is an
-        error of 1 per cent in each simulated change of the data. ``moves``, shape (C, N) in mm, has one row for each of
-        these changes: the effect of a change of the law, of an input or of an error of the bench.
+        The data are the coefficients of polynomials that describe the residuals along each edge. Two errors of the
+        simulation are counted. One is the error that remains after the corrections by better beam models. The other is
+        an error of 1 per cent in each row of ``moves`` (C, N). A row is the simulated change of the data in mm by a
+        change of the law, a deviation of an input or an error of the bench.
         """
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return how badly a set of errors of the bench explains the residuals: the mean square of the rest.
+        """Return the mean square of the residuals that some errors of the bench leave, in units of the noise.
 
-        The rest is divided by the noise, so that a result of about 1 means that only noise is left. ``y`` has the
-        coefficients in mm that describe minus the residuals by polynomials along each edge
-        (`inference.doubts.edge_coefficients`). ``amplitudes`` has the changes of the law and the sizes of the errors;
-        in the linear model they explain a part of ``y``.
+        A result of about 1 means that only noise is left. ``y`` has the measured residuals with opposite sign, as
+        coefficients in mm of polynomials along each edge. ``amplitudes`` has the changes of the law and the sizes of
+        the errors. Their effect is computed with a linear model and subtracted from ``y``.
         """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the most probable amplitudes of the causes of one hypothesis, by Gauss-Newton with simulations.
+        """Return the most probable sizes of the causes of one hypothesis, by Gauss-Newton with simulations.
 
-        The slopes of the residuals are computed once, by finite differences. Each further step corrects them by the
-        change of the residuals in the step before (Broyden 1965, Mathematics of Computation 19:577).
-
-        ``row`` is the index of the hypothesis, a set of causes (possible errors of the bench). An amplitude is the size
-        of a cause, and Gauss-Newton starts from ``amplitudes``.
+        A hypothesis is a set of causes (possible errors of the bench), and ``row`` is its index. Gauss-Newton starts
+        from the sizes ``amplitudes``. The derivatives of the residuals are computed by finite differences at the start
+        only. Each further step updates them with the change of the residuals in the step before (Broyden 1965,
+        Mathematics of Computation 19:577).
         """
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
@@ -399,12 +399,14 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by some amplitudes of a hypothesis, or None without an equilibrium.
+        """Return the derivatives of the residuals by the sizes of errors of the bench; None without an equilibrium.
 
-        A hypothesis is a set of errors of the bench, and ``row`` is its index. An amplitude is the size of an error or
-        a change of the law. The residuals are described by N polynomial coefficients in mm. A derivative is the change
-        of these coefficients for one prior standard deviation of an amplitude. The shape is (n, N) for the n
-        amplitudes with the numbers ``active``. ``residual`` has the coefficients of the residuals for ``amplitudes``.
+        The residuals are described by N polynomial coefficients in mm. An amplitude is the size of an error of the
+        bench or a change of the law. A derivative is the change of the N coefficients for one prior standard deviation
+        of an amplitude, and the result has the shape (n, N).
+
+        ``row`` is the index of a hypothesis (a set of errors of the bench), ``amplitudes`` has its amplitudes, and
+        ``active`` the indices of the n amplitudes that vary. ``residual`` has the N coefficients for ``amplitudes``.
         """
         slopes = []
         for i in active:

@@ -97,10 +97,10 @@ class Experiment:
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
         """Return the misfit of this experiment, from the misfit of an experiment that differs only in its correction.
 
-        A misfit contains the residuals, the distances of the measured points from the simulated beam. They are computed
-        with a simple beam model, and the correction ``change`` is added to them, which leads to the residuals of a
-        better model. ``misfit`` belongs to the experiment ``before``: its correction is subtracted, and the correction
-        of this experiment is added. No beam is simulated.
+        The misfit contains the residuals, the distances of the measured points from the simulated beam. They are
+        computed with a simple beam model. The correction ``change`` is then added, so that they become the residuals of
+        a better model. ``misfit`` has the residuals for the experiment ``before``. Its correction is subtracted, and
+        the correction of this experiment is added, without another simulation.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)

@@ -9,12 +9,12 @@ and deviation of the state, both in mm, are adapted from Eqs 9-11 of Di Lecce et
 
 The error of a fit is the mean of error_k over the states.
 
-A measured point may lie beyond the end of its simulated edge, for example if the beam is a little longer than stated.
-Each edge is therefore continued straight beyond both ends by a twentieth of its length, and the distance from the
-continued edge is used. Its sign is the side of the edge on which the point lies. Without the continuation, the distance
-from the end of the edge would be used instead. It is not zero where the sign changes, so that the residual jumps. In
-one state, such a jump made the slopes of the residuals about four times too large, and the interval of the modulus a
-third as wide as it should be.
+The sign of a distance is the side of the edge on which the point lies. A measured point may lie beyond the end of its
+simulated edge, for example if the beam is a little longer than stated. Each edge is therefore continued straight beyond
+both ends by a twentieth of its length. Without the continuation, the distance would be measured from the end of the
+edge. It would then jump from positive to negative where the point changes from one side of the edge to the other. In
+one state, such a jump made the derivatives of the residuals about four times too large, and the interval of the modulus
+a third as wide as it should be.
 """
 
 from __future__ import annotations

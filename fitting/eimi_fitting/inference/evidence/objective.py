@@ -120,13 +120,14 @@ class Evaluation:
         """Residuals in mm for least squares: one `Misfit` for each experiment, and one for the other evidence.
 
         The other evidence is the tensile curves, the priors of freed inputs (which the fit determines) and the priors
-        of the law. Its standardised residuals z have no unit. They are converted to
+        of the law. Its standardised residuals z have no unit. They are converted to residuals in mm,
 
-            r = e sqrt(K / N) z   in mm
+            r = e sqrt(K / N) z,
 
         with the number K of states and the number N of independent points of the edges. e is the mean error of the
-        states in mm, as the median over all valid candidates. The last `Misfit` has the residuals r as one further
-        state, with the error e. Near the optimum, z then has the same weight in least squares as in the objective.
+        states in mm, as the median over all valid candidates. The last `Misfit` has these residuals r and the error e,
+        as if they belonged to one more state. Near the optimum, z then has the same weight in least squares as in the
+        objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -116,10 +116,10 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether the uncertain input ``source`` can matter in an experiment.
+    """Return whether an error of the uncertain input ``source`` can change the magnetic loads of an experiment.
 
-    It matters if a deviation of the input changes the model of the specimen, and if a magnetic field acts in a state.
-    For example, the direction of magnetisation does not matter for a specimen without a magnet.
+    It can if the error changes the model of the specimen, and if a magnetic field acts in a state. For example, the
+    direction of magnetisation is not in the model of a specimen without a magnet.
     """
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -191,11 +191,12 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the changes of the residuals of one experiment for one standard uncertainty of each input, in mm.
+    """Return the changes of the residuals of one experiment in mm if one uncertain number deviates by its uncertainty.
 
-    ``index`` is the index of the experiment. ``numbers`` has the uncertain numbers of the inputs, each as a source and
-    the index of a part of this source. A change is None if the number does not belong to the experiment or the model
-    finds no equilibrium.
+    ``index`` is the index of the experiment. ``numbers`` has the uncertain numbers: each belongs to an uncertain input,
+    such as the position of the clamp, and has an index among the parts of this input, such as x and y. The result has
+    one change for each number. It is None if the number does not belong to the experiment or the model finds no
+    equilibrium.
     """
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
@@ -320,9 +321,8 @@ class Steps:
     sizes : ndarray, shape (S, n)
         Change for one standard uncertainty of each source, in unit coordinates (the bounds of the search are 0 and 1).
     held : ndarray, shape (n,)
-        A bound of the search may stop an unknown that the data would move farther. This vector leads from the optimum
-        to the point that the data would give without bounds, in unit coordinates. It is shortened to two standard
-        deviations beyond the bound. Zero if no unknown lies on a bound, or if there is no source.
+        The change of the optimum if the search had no bounds, in unit coordinates, but at most two standard deviations
+        of an unknown that lies on a bound. Zero if no unknown lies on a bound, or if there is no source.
     """
 
     sizes: Array
@@ -359,9 +359,9 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
 
     Notes
     -----
-    An unknown of the optimum may lie on a bound of the search because an input has an error. Without the bound, the
-    optimum would move further, and its distribution would be normal about the true value. The intervals are therefore
-    centred on the optimum without bounds, but at most two standard deviations beyond the bound (``Steps.held``).
+    An error of an input may move an unknown to a bound of the search. The optimum without bounds is then the better
+    centre of the intervals, because its distribution is normal about the true value. ``Steps.held`` leads to this
+    centre, but at most two standard deviations beyond the bound.
     """
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):

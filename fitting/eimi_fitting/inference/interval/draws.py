@@ -81,8 +81,8 @@ def draw_noise(
         For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
         in unit coordinates.
     modulus_errors : ndarray, shape (C,)
-        For each of the C errors, the standard deviation of one more change, which is independent of the changes above.
-        It concerns only the first unknown, which determines the modulus.
+        For each of the C errors, the standard deviation of a further random change of the first unknown, which
+        determines the modulus. This change is independent of all other changes.
 
     Returns
     -------

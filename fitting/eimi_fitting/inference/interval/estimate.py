@@ -173,7 +173,8 @@ def estimate(
     seed : int
         Seed of the random draws.
     shift_percent : float
-        95 % bound of a further error of the modulus in per cent, beside noise, mesh and sources.
+        95 % bound of a further error of the modulus in per cent, such as an error of the bench that the residuals show.
+        It is added to the errors by noise, mesh and uncertain inputs.
 
     Returns
     -------
@@ -238,10 +239,10 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
         A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
         that remains uncertain.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus alone. Other unknowns may compensate for a part of an error of the beam model,
-        and the bound a of the modulus in ``model_errors`` is then too small. Let b be the bound with all other
-        unknowns fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b^2 - a^2), or 0 if a
-        > b. The root sum of squares of both bounds is then at least b.
+        A further bound for the modulus alone, because the bound a of the modulus in ``model_errors`` may be too small:
+        other unknowns may compensate for a part of an error of the beam model. Let b be the bound if all other unknowns
+        are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b^2 - a^2), or 0 if a > b,
+        so that both bounds together (as root sum of squares) are at least b.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)

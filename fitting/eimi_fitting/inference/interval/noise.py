@@ -155,9 +155,9 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     Notes
     -----
     The error of a state is its root mean square residual in mm. Let E be the mean error of all states, e the same mean
-    for the noise alone, and N the number of independent points of the noise. The weight of a state in the likelihood is
-    proportional to N / E^2 (`inference.interval.covariance`), but only the noise should count: the weight should be
-    proportional to N / e^2. The weights are therefore computed with N (E / e)^2 independent points.
+    for the noise alone, and N the number of independent points of the noise. The likelihood
+    (`inference.interval.covariance`) gives a state a weight proportional to N / E^2. Only the noise should count, with
+    a weight proportional to N / e^2. The likelihood is therefore computed with N (E / e)^2 in place of N.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:

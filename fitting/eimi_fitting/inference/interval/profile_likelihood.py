@@ -86,7 +86,7 @@ class _End:
 
     @property
     def off(self) -> float:
-        """How far the present deviance is from the deviance that the end must have: |deviance / target - 1|."""
+        """The relative difference between the deviance of ``point`` and its target: |deviance / target - 1|."""
         return abs(self.deviance / self.target - 1)
 
     @property
@@ -99,14 +99,14 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Replace ``point`` by a point that is nearer to the end of the interval.
+        """Replace the present candidate for the end of the interval (``point``) by one that is nearer to the end.
 
-        The deviance is twice the decrease of the log-likelihood from its maximum. The profile is the smallest deviance
-        for a given value of the coordinate. At the end of the interval it equals ``target``. It grows about as the
-        square of the distance from the optimum ``unit``. The present distance is therefore multiplied by
-        sqrt(``target`` / profile), but kept between the distances that are known to be inside and outside the
-        interval. The other coordinates are then moved so that a quadratic approximation of the deviance is smallest.
-        ``hessian`` is the Hessian of half the deviance at the optimum.
+        The deviance is twice the decrease of the log-likelihood from its maximum, and the profile is the smallest
+        deviance for a given value of the coordinate. The profile equals ``target`` at the end of the interval, and
+        grows about as the square of the distance from the optimum ``unit``. The distance of the candidate is therefore
+        multiplied by sqrt(``target`` / profile). It must stay between the distances that are known to be inside and
+        outside the interval. The other coordinates are then chosen so that a quadratic approximation of the deviance is
+        smallest. ``hessian`` is the Hessian of half the deviance at the optimum.
         """
         i = self.coordinate
         size = abs(self.point[i] - unit[i])

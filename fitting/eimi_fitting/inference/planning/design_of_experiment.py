@@ -225,13 +225,13 @@ class Candidates:
         A choice whose interval is near this bound can hardly be improved. The bound has two parts: noise and uncertain
         inputs. For the noise, every chosen state is assumed to determine the quantity as well as the best state does.
 
-        For the uncertain inputs, let a_si be the error of the quantity if state s alone is measured and input i is
-        wrong by one standard uncertainty. If several states are measured, the error is a weighted mean of the a_si over
-        the states. The bound uses those weights v_s >= 0 with the sum one for which
+        For the uncertain inputs, let a_si be the error of the quantity if only state s is measured and input i is wrong
+        by one standard uncertainty. If several states are measured, the error by input i is a weighted mean of the a_si
+        over the states, with weights v_s >= 0 whose sum is one. The best possible weights give the smallest value of
 
-            sum_i (sum_s v_s a_si)^2
+            sum_i (sum_s v_s a_si)^2,
 
-        is smallest (non-negative least squares).
+        which is computed by non-negative least squares.
 
         Raises
         ------
@@ -349,9 +349,10 @@ def experiment_without_noise(
 
 
 def slopes_of(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in mm for each of n unit coordinates (0 to 1), shape (n, K, 2, m).
+    """Return how the residuals of an experiment change with each of n unknowns, shape (n, K, 2, m).
 
-    There are m points on each of 2 edges in K states.
+    The result has the derivatives in mm at the point ``unit``, for m points on each of 2 edges in K states. The
+    unknowns are given as numbers from 0 to 1 between their bounds (unit coordinates).
     """
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
@@ -379,12 +380,12 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the weight w in 1/mm^2 of each simulated edge point, as if the edges of a state were measured.
+    """Return the weight w in 1/mm^2 of a simulated edge point, for the planning of a measurement.
 
-    The information of a measurement is w sum J'J, where J are the derivatives of the points. The simulated edges have
-    another number of points than the measured edges, but the sum must be the same. Of the measured points, one in
-    ``noise.alike`` is independent. w is therefore the inverse variance of a point, times the number of independent
-    measured points, divided by the number of simulated points.
+    The information of a state is w times a sum over the simulated points. It should equal the information of the
+    measured points, which are more or fewer than the simulated points and of which one in ``noise.alike`` is
+    independent. w is therefore the number of independent measured points, divided by the number of simulated points and
+    by the variance of a measured point.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 

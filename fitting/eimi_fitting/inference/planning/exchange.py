@@ -31,7 +31,7 @@ class Criterion(Protocol):
         """Return the number of states that could be measured."""
 
     def variance(self, choices: Choice) -> Array:
-        """Return the number to be minimised for each of D choices of K states, shape (D,).
+        """Return the criterion, such as the variance of the modulus, for each of D choices of K states, (D,).
 
         Each row of ``choices`` has the indices of the states of one choice, shape (D, K).
         """

@@ -122,7 +122,7 @@ class MeasuredRestShape:
 
 
 def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
-    """Measure the rest shape of an experiment's specimen from its states without load.
+    """Measure the shape of an experiment's specimen at rest from its states without load.
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     -------
     MeasuredRestShape or None
         The measured shape. None for one of these reasons: edges were not measured, there is no state without load,
-        there is no state with load, gravity bends the beam to the side, no mode is significant, no shape explains the
-        edges.
+        there is no state with load, gravity bends the beam to the side, the shape does not differ significantly from
+        the stated shape, or no shape explains the edges.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
@@ -179,9 +179,11 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the shape modes whose amplitudes exceed three standard deviations and the least amplitude.
+    """Return the indices of the significant deviations (modes) from the stated shape of the beam.
 
-    The least amplitude is 0.005 mm for a mode of the middle line and 0.003 mm for a mode of the width.
+    ``amplitudes`` has the sizes of all modes in mm, and ``sigma`` their standard deviations. A mode is significant if
+    its size exceeds three standard deviations and a smallest size: 0.005 mm for a mode of the middle line, and 0.003 mm
+    for a mode of the width.
     """
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
@@ -224,11 +226,12 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the amplitudes of shape modes to the edges of the states without load, and return them with their errors.
+    """Fit the rest shape of the beam to its edges in the states without load.
 
-    The modes with the indices ``used`` are fitted, starting from ``start``; the other amplitudes keep the values of
-    ``start``. Both results are in mm; the second has the standard uncertainties. The result is None if the model finds
-    no equilibrium, or if the edges remain more than 0.2 mm from the best shape.
+    The shape is the stated shape plus smooth deviations (modes). The first result has the size (amplitude) of each mode
+    in mm, and the second its standard uncertainty. The modes with the indices ``used`` are fitted, starting from
+    ``start``; the other amplitudes keep the values of ``start``. The result is None if the model finds no equilibrium,
+    or if the edges remain more than 0.2 mm from the best shape.
     """
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])

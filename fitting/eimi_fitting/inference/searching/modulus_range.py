@@ -178,9 +178,10 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement of a beam divided by the length; infinite if a state has no equilibrium.
+    """Return the largest displacement of a beam divided by its length; infinite if a state has no equilibrium.
 
-    All states are solved at once from the shape at rest, because the displacements of a stiff beam are small.
+    The beam has the shear modulus ``modulus_Pa``. All states are solved at once from the shape at rest, because the
+    displacements of a stiff beam are small.
     """
     unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
     bent = 0.0

@@ -48,12 +48,12 @@ Slip = Literal[
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the stated loads that a scan over moduli can recognise.
+    """A mistake in the stated loads, such as a reversed field, that a fit can recognise before its search.
 
     Parameters
     ----------
     slip : str
-        Key of the mistake.
+        Key of the mistake, such as "field_reversed".
     words : str
         Name of the mistake for people.
     loads : callable
@@ -73,10 +73,11 @@ class NamedCause(Exception):
     experiment : int
         Index of the dataset, counted from 0.
     slip : str
-        Key of the mistake.
+        Key of the mistake, such as "field_reversed".
     error_mm, error_without_mm : float
-        Smallest error of a scan over moduli in mm (mean over the states of the root mean square distance), with the
-        stated loads and with the corrected loads.
+        Smallest error in mm that any modulus gives, with the stated loads (``error_mm``) and with the corrected loads
+        (``error_without_mm``). The error is the mean over the states of the root mean square distance of the measured
+        points from the simulated edges.
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -133,7 +134,7 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return the mistakes in the stated loads of single datasets, which scans over the modulus reveal.
+    """Return the probable mistakes in the stated loads, such as a reversed field; raise the mistake if it is too large.
 
     Parameters
     ----------
@@ -147,14 +148,15 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Returns
     -------
     tuple of NamedCause
-        The mistakes, as exceptions that are not raised: at most one for each dataset, and none if the stated loads
-        explain the measurement.
+        The mistakes that allow a fit, with a warning: at most one for each dataset, and none if the stated loads
+        explain the measurement. They are returned as exceptions, because they have the same contents as the exception
+        below.
 
     Raises
     ------
     NamedCause
-        For a dataset with a mistake, if the error with the stated loads is more than 0.2 of the error of an unbent
-        beam.
+        For a mistake that allows no fit: with the stated loads, the smallest error that any modulus gives is more than
+        0.2 of the error of an unbent beam.
     """
     causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
