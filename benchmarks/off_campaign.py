@@ -117,10 +117,10 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _reported_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that called the coil off too early, while a current above a limit still flowed.
+    """Return the messages that reported the coil as off although the current was still above a limit.
 
-    A run may call the coil off when the current is below a limit. Some messages state this limit ("off, below … A
-    measured"), which then also applies to the next messages. Before the first of them, `OFF_A` is the limit.
+    Some messages state the limit ("off, below … A measured"), which then also applies to the next messages. Before the
+    first of them, `OFF_A` is the limit.
     """
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):

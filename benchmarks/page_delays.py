@@ -243,7 +243,10 @@ def stops(drivers: Sequence[str], runs: int) -> Iterator[tuple[str, list[float],
 
 
 def _new(before: list[float], now: list[float]) -> list[float]:
-    """Return the delays in `now` that came after the last delay in `before`; the server keeps the last delays only."""
+    """Return the delays that the server has added to its list between two readings, ``before`` and ``now``.
+
+    The list has only the last delays: old delays are removed when new ones are added.
+    """
     return now[now.index(before[-1]) + 1 :] if before and before[-1] in now else now
 
 

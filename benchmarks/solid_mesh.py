@@ -2,9 +2,9 @@
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-For each mesh the script prints two errors of the modulus. The first is the error of the solid model alone. The second
-is the error after a correction: a finer mesh of the planar model changes the rotation of its tip, and this change is
-added to the rotation in the solid model. NAME selects specimens; --short computes one specimen on one mesh.
+For each mesh the script prints two errors of the modulus: without and with a correction. For the correction, the planar
+model of the same beam is solved on the same mesh and on a finer mesh. The difference of the two rotations of the tip is
+added to the rotation of the tip in the solid model. NAME selects specimens; --short computes one specimen on one mesh.
 """
 
 from __future__ import annotations

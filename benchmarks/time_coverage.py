@@ -136,12 +136,11 @@ def stiffness_near(specimen: Specimen) -> Stiffness:
 
 
 def _solid_over_rod(field_mT: float, moduli_Pa: Sequence[float] = _CORRECTED_PA) -> np.ndarray:
-    """Return ln(frequency of a solid with small elements / frequency of a rod) for each equilibrium modulus, (moduli,).
+    """Return ln(frequency of a solid model / frequency of a rod model of the same beam) for each modulus, (moduli,).
 
-    The rod is the beam model with which the measurements are simulated. Both beams have the dimensions of `BEAM`.
-
-    In the vibration the material is stiffer than in the equilibrium, by the factor `_STIFFER`. The solid has 4
-    elements across. What still smaller elements change is computed with a planar model.
+    The measurements are simulated with the rod, and their frequencies are corrected by this result. ``moduli_Pa`` are
+    moduli in the equilibrium; in the vibration the material is stiffer by the factor `_STIFFER`. The solid has 4
+    elements across. The effect of smaller elements is computed with a planar model.
     """
     loads, ratios = in_field(field_mT), []
     rod = Rod(BEAM, stiffness_near(BEAM))

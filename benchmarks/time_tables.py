@@ -35,9 +35,10 @@ def once(key: Any, compute: Callable[[], Any]) -> Any:
 
 
 class KeptTable(RingTable):
-    """The frequencies of a beam for a range of moduli, from a table that several fits share.
+    """A table of the frequencies of a beam for a range of moduli, which several fits share.
 
-    The effects of uncertain inputs, such as the width, on the frequencies are computed at the first call and kept.
+    The table also keeps how errors of uncertain inputs, such as the width, change the frequencies. This is computed
+    when a fit first asks for it.
     """
 
     def effects(self, sources: Any) -> Any:

@@ -275,10 +275,10 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Compute the optimum of a fit after a change of its corrections by better beam models.
+    """Compute the new optimum of a fit after its residuals were corrected by a better beam model.
 
-    ``now`` is the fit before the change, with its optimum, at which Gauss-Newton starts. ``changed`` is the fit after
-    the change, which is returned with its optimum.
+    ``changed`` is the fit with the new correction, and is returned with the new optimum. ``now`` is the fit before,
+    with its optimum, at which Gauss-Newton starts.
     """
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)

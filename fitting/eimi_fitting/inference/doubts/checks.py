@@ -329,14 +329,15 @@ def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tupl
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return how many times the stated noise the residuals are: the median over the states of the ratio of both."""
+    """Return the ratio of the residuals to the stated noise, as the median over all states of an experiment."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of K states in mm, shape (K,), without the uncertainty that was added for flags.
+    """Return the stated noise of the edges in K states in mm, shape (K,).
 
-    A flag marks a defect of a picture, such as blur. The uncertainty that is added for a flag could hide a wrong law.
+    If a picture has a defect, such as blur, the uncertainty of its edges is increased. The noise does not contain this
+    increase, which could hide a wrong law.
     """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
@@ -345,10 +346,10 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated uncertainty of K states in mm, (K,): the root mean square over the points that the fit uses.
+    """Return the stated uncertainty of the edges or tracked points in K states in mm, (K,), as a root mean square.
 
-    The uncertainty that was added for flags (defects of a picture) is included. A state without points has an infinite
-    uncertainty.
+    The mean is over the points that the fit uses. An uncertainty that was increased because of a defect of the picture
+    is included. A state without points has an infinite uncertainty.
     """
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):

@@ -45,9 +45,9 @@ class Projection:
         For each experiment, the values of D orthonormal polynomials at m points in G groups (edges) and K states; zero
         for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, two orthogonal matrices. Their columns are linear combinations of the K states
-        (``over_states``) and of the G groups (``over_groups``), in which the coefficients of the unexplained part are
-        independent of each other.
+        For each experiment, two orthogonal matrices that combine the coefficients of different states (``over_states``)
+        and of different groups (``over_groups``). The unexplained part is similar in states with similar loads and on
+        both edges, so that its coefficients are correlated. The combinations are not correlated.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unexplained part of the size 1 mm
         (``error``).

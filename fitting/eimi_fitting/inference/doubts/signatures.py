@@ -58,8 +58,8 @@ class Column:
     size : float
         Standard deviation of the prior of the amplitude.
     start : float
-        Value of the amplitude in the fit; zero unless the uncertain input was freed (determined by the fit) or
-        measured.
+        The size that the fit already assumes for this error; zero unless the uncertain input was freed (determined by
+        the fit) or measured.
     changes : tuple of ndarray or None
         For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
         groups (edges, or x and y) of m points in K states. None if the cause does not belong to the experiment or the
@@ -123,10 +123,9 @@ class Solved:
     def between_ends(self) -> Array:
         """Return 1 for a measured edge point that is far enough from both ends of the simulated edge, else 0.
 
-        A point near an end may lie beyond the end after a usual error of the bench, such as a shift of the clamp.
-        Beyond the end, the distance from the edge is the distance from the end, which is not a smooth function of the
-        place of the point. The signature of a cause (the change of the residuals by an error of the bench) is a finite
-        difference and would be wrong there. Such points are therefore left out.
+        Points near the ends are left out, because a small error of the bench, such as a shift of the clamp, may place
+        them beyond the end. Beyond the end, the distance from the edge is not a smooth function of the place of the
+        point. The effect of the error on this distance, which is computed as a finite difference, would then be wrong.
 
         Returns
         -------

@@ -110,10 +110,10 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the prior odds against one more error of the bench.
+        """Logarithm of the factor by which one more error of the bench makes a hypothesis less probable beforehand.
 
-        Before the residuals are known, a set of errors is exp(this number) times as probable as the set with one error
-        more.
+        A hypothesis is a set of errors of the bench. The factor belongs to its prior probability, before the residuals
+        are known.
         """
         return float(np.log(max(len(self._causes) - 1, 1)))
 

@@ -22,10 +22,8 @@ solid, the clamp and the magnet restrain the cross-section, and the cross-sectio
 the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
 per cent and the edges by tens of micrometres, which no planar model reproduces. The change of the residuals is much
 larger than the noise. It is therefore computed again at each new optimum, until the modulus hardly changes. The
-correction for a finer planar mesh is not added. It corrects the error at the singular corner of the clamp in plane
-stress, where the clamp does not restrain the cross-section. In the solid the clamp restrains the cross-section, so that
-the singularity is different. The mesh of the solid is fine enough: the moduli from solids of 20 x 2 and of 36 x 4
-elements differ by less than 0.1 %.
+correction for a finer planar mesh is not added, because the stress at the corner of the clamp is different in a solid.
+The mesh of the solid is fine enough: the moduli from solids of 20 x 2 and of 36 x 4 elements differ by less than 0.1 %.
 """
 
 from __future__ import annotations

@@ -114,10 +114,11 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each point to the place ``xi`` on its segment, and the tangent at this place.
+        """Return the vector from each measured point to the place ``xi`` on a curve, and the tangent of the curve.
 
-        xi is -1 at the first point of the segment, 0 at the second and 1 at the third. The results are x and y of the
-        vector, then x and y of the tangent, (b, n) each.
+        The curve is the quadratic segment nearest to the point. ``xi`` is -1 at the first of the three points of the
+        segment, 0 at the second and 1 at the third. The results are x and y of the vector, then x and y of the tangent,
+        (b, n) each.
         """
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)

@@ -62,7 +62,7 @@ class MeasureNext:
     source : str or None
         The name of the uncertain input, such as "width"; None if the edges of the beam are to be measured better.
     words : str
-        Name of the quantity for people.
+        Name of the quantity for people, such as "magnetic moment".
     initial_shear_modulus_interval_95_Pa : tuple of float
         Lower and upper end of the 95 % interval of the initial shear modulus in Pa if the uncertainty of this quantity
         were halved.

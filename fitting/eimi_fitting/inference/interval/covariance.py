@@ -250,7 +250,7 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return the number tau of neighbouring residuals that count as one independent residual.
+    """Return how many neighbouring residuals count as one independent residual: the number tau.
 
     Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
     product of two correlation lengths: in points along the edge, and in neighbouring states

@@ -80,8 +80,8 @@ class Identifiability:
         Mean error in mm (``noise_mm``) and number of independent points (``noise_points``) of the part of the residuals
         that the sources of uncertainty do not explain. None in files of earlier releases.
     stated_squares : float
-        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties. The
-        deviations result from a fit of the inputs together with the unknowns.
+        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties, if
+        the inputs are fitted together with the unknowns.
     model_mm : float
         Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
         in mm; 0 if no uncertain input is stated.

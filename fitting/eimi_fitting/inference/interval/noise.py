@@ -268,12 +268,12 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return how well the unknowns and the uncertain inputs fit the data together, in mm; smaller is better.
+    """Return how badly the unknowns and the uncertain inputs explain the data, in mm; the best values give the minimum.
 
     The number is e exp(q / (2 N)). Here e is the mean over the states of the root mean square residual, which includes
-    the error of the beam model (``model_mm``). q is the sum of the squared deviations of all uncertain inputs from
-    their stated values, in standard uncertainties. N is ``points``, the number of independent points. The logarithm of
-    the number is minus the log-likelihood divided by N.
+    the error of the beam model (``model_mm``). q is the sum of the squared deviations of the uncertain inputs from
+    their stated values, in standard uncertainties. N is ``points``, the number of independent points. The likelihood is
+    proportional to the number to the power -N.
     """
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
@@ -293,10 +293,11 @@ def _slopes(misfit: Misfit, distance: Array) -> Array:
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Append the derivatives of the residuals in the uncertain inputs to their derivatives in the unknowns.
+    """Append the derivatives of the residuals by the uncertain inputs to their derivatives by the unknowns of a fit.
 
-    ``changes`` has the change of the residuals for one standard uncertainty of each input. A unit coordinate from 0 to
-    1 covers 12 standard uncertainties of the input, so that the derivative is 12 times the change.
+    ``changes`` has the change of the residuals for one standard uncertainty of each input. The derivative is 12 times
+    as large, because each input is given as a number from 0 to 1 (unit coordinate) that covers 12 standard
+    uncertainties.
     """
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 

@@ -55,7 +55,7 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A hyperelastic law from an earlier fit, with the values of its n parameters, (n,), in the units of the law."""
+    """A hyperelastic law with the values of its n parameters from an earlier fit, (n,), in the units of the law."""
 
     law: Law
     parameters: Array
@@ -172,10 +172,11 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the variance of the goal quantity after a measurement, divided by the square of the quantity, (D,).
+        """Return the relative variance of the goal quantity after a measurement of certain states, for D choices, (D,).
 
-        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow. ``choices`` has D
-        choices of K states; each row has the indices of the states, (D, K).
+        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow. The relative
+        variance is its variance divided by its square. Each row of ``choices`` (D, K) has the indices of the K states
+        of one choice.
         """
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]

@@ -70,10 +70,11 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the inverse of the expected difference in AIC of the two laws, for D choices of K states, shape (D,).
+        """Return 1 divided by the expected difference in AIC of two laws, for D choices of K states, shape (D,).
 
-        `exchange` calls this method and minimises its result, so that the chosen states distinguish the two laws best.
-        ``choices`` has the indices of the K states of each choice, shape (D, K).
+        The chosen states should distinguish the two laws as well as possible. `exchange` finds the choice with the
+        smallest result, which has the largest difference. ``choices`` has the indices of the K states of each choice,
+        shape (D, K).
         """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]

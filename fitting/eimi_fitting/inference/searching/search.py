@@ -46,7 +46,7 @@ class Values(Protocol):
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates (points of the search) has no equilibrium in at least one state, (P,)."""
+        """Whether the beam of each of P candidates (points of the search) has no equilibrium in a state, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
@@ -258,9 +258,10 @@ def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
 
 
 class _Log:
-    """The history of a search: its generations so far, and the stored objectives of an interrupted search.
+    """The history of a search: its generations so far, and the objectives that an interrupted search has stored.
 
-    The stored objectives replace the evaluation of the first generations (a replay).
+    A search that is repeated after an interruption does not evaluate its first generations again, but takes the stored
+    objectives (a replay).
     """
 
     def __init__(
