@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def _write_line(words: str) -> None:
-    """Write a line with its line break in one piece, so that the lines of two threads do not mix, as with `print`."""
+    """Write a line and its line break at once; with `print`, the lines of two threads could mix."""
     sys.stdout.write(f"{words}\n")
     sys.stdout.flush()
 

@@ -172,7 +172,7 @@ def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> boo
 
 
 def main() -> None:
-    """Measure the results, write them to a file, and compare them with an earlier file."""
+    """Compute the results of all cases, write them to a file, and compare them with those in an earlier file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, help="file to write")
     parser.add_argument("--against", type=Path, help="earlier file to compare with")

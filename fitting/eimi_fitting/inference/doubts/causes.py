@@ -46,11 +46,9 @@ only in small amplitudes. The probable hypotheses are therefore simulated at the
 the linear model is added to r (Gauss-Newton).
 
 Errors of the simulation. Two errors are added to the noise under every hypothesis. The first error remains after the
-corrections by better models. The second comes from the simulated changes of the residuals, by dx, by s_a and by
-deviations of inputs: each change is assumed to be wrong by 1 per cent. Its size is computed for the most probable
-hypothesis. Both errors are smooth along an edge and alike in states of similar loads, as d is. Errors that are
-independent from state to state would cancel on average over many states, and a second cause would then wrongly explain
-the rest.
+corrections by better models. The second is an error of 1 per cent in each simulated change of the residuals, by dx, by
+s_a and by deviations of inputs. Like d, both errors are assumed smooth along an edge and alike in states of similar
+loads.
 """
 
 from __future__ import annotations

@@ -40,10 +40,10 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads of a beam that softens in proportion to time, with equal time between states.
+    """Return the loads with an increase that has the same effect as a beam that softens with time.
 
-    A softer beam bends as under larger loads. The loads are therefore increased. ``amplitudes`` has one number: the
-    share of the stiffness that is lost between the first and the last state.
+    The stiffness decreases in proportion to time, with equal time between the states. ``amplitudes`` has one number:
+    the share of the stiffness that is lost between the first and the last state.
     """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
@@ -71,7 +71,7 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads in all states after a decrease of the load (hysteresis).
+    """Return the loads with an increase in those states in which the load was decreased (hysteresis).
 
     The beam is assumed softer in these states, and bends as under larger loads. ``amplitudes`` has one number: the
     share of the stiffness that is missing in these states.

@@ -123,7 +123,8 @@ class Weighing:
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
         """Return lists of indices of coefficients as one array, with one list in each row.
 
-        A shorter list is filled up with the index of the last coefficient, which has no effect on the residuals.
+        A coefficient is an unknown number of a model of the residuals, such as the size of an error of the bench. A
+        shorter list is filled up with the index of the last coefficient, which has no effect on the residuals.
         """
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
@@ -185,7 +186,11 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of some coefficients, the unknown sizes of errors and deviations."""
+        """Return the prior standard deviations of some unknown numbers: the sizes of errors and deviations.
+
+        The unknown numbers (coefficients) are the sizes of errors of the bench and the deviations of inputs. ``rows``
+        are the indices of some of them.
+        """
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:

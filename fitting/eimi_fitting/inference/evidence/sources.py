@@ -95,7 +95,7 @@ class Source:
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether the source of uncertainty changes the shape of the beam, and not only its picture."""
+        """Whether an error of this uncertain input changes the shape of the beam, and not only its picture."""
         return any((self.specimen, self.loads, self.field))
 
 

@@ -170,7 +170,7 @@ class Setup:
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return positions in the picture from true positions, (..., 2) in mm, for the first set of unknowns."""
+        """Return where the camera shows true positions, (..., 2) in mm, for the first candidate (set of unknowns)."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
@@ -280,7 +280,7 @@ def nuisances(
             if not spread:
                 reason = "gives an uncertainty of 0" if spread == 0 else "gives no standard uncertainty"
                 raise ValueError(
-                    f"{prior.kind}: dataset {group.datasets[0]} {reason}; give a standard deviation above 0 to free it"
+                    f"{prior.kind}: dataset {group.datasets[0]} {reason}; give a standard deviation above 0"
                 )
             freed += [
                 Nuisance(group.part_name(part, datasets), prior.kind, part, group.datasets, spread)

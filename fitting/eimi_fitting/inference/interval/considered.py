@@ -116,10 +116,10 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an error of the uncertain input ``source`` can change the magnetic loads of an experiment.
+    """Return whether an error of the uncertain input ``source`` can matter in an experiment with a magnetic field.
 
-    It can if the error changes the model of the specimen, and if a magnetic field acts in a state. For example, the
-    direction of magnetisation is not in the model of a specimen without a magnet.
+    It can matter if it changes the model of the specimen. For example, the direction of magnetisation is not in the
+    model of a specimen without a magnet. The result is False if no field acts in any state.
     """
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})

@@ -219,9 +219,9 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect on the modulus of each important input whose uncertainty no file states.
+    """Return how much each important input whose uncertainty no file states would widen the interval of the modulus.
 
-    The effect is computed for the usual uncertainty of the input.
+    The effect on the modulus is computed for the usual uncertainty of the input.
     """
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes

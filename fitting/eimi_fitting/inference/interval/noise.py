@@ -346,7 +346,7 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with new weights of their squared residuals in the likelihood, computed from these residuals.
+    """Return the linearised states with new weights in the likelihood, which are computed from their residuals.
 
     A weight is large if the residuals of the state are small and if few neighbouring residuals are correlated
     (`inference.interval.covariance`). ``model_mm`` has the error of the beam model in mm, which is added to the error

@@ -7,11 +7,10 @@ bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates
 The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
 estimate after the previous state needs only a few steps. The complete fit follows after the run.
 
-The corrected residuals still leave an error of the modulus. It is assumed to be 5 % of the bias of a planar section,
-but at least 0.15 % of the modulus. The bias is the relative error of a modulus that is fitted with the planar model
-alone (`inference.planning.section_bias`). It is computed for a large bending, so that the assumed error does not grow
-during the run. If the depth effect cannot be interpolated, the residuals are not corrected, and the modulus from the
-planar model is divided by 1 + bias.
+The correction leaves an error of the modulus. It is assumed to be 5 % of the bias, but at least 0.15 % of the modulus.
+The bias is the relative error of a modulus that is fitted with the planar model alone
+(`inference.planning.section_bias`). If the depth effect cannot be interpolated, the residuals are not corrected, and
+the modulus from the planar model is divided by 1 + bias.
 
 A further state can make the interval wider, because some stated uncertainties have a larger effect on the modulus if
 the beam bends more. The estimate before this state is then kept, with its narrower interval, under two conditions: the
