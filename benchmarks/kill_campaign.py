@@ -86,7 +86,7 @@ class ObservedInstrument:
         self.first = threading.Event()
 
     def receive(self, data: bytes) -> bytes:
-        """Return the instrument's answer to the message `data`; set the event `first`, because a message has arrived."""
+        """Return the instrument's answer to the message `data`, and set the event `first`: a message has arrived."""
         self.first.set()
         return self._instrument.receive(data)
 
