@@ -152,10 +152,10 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Let the time limit of the ramp down count from now, or from `ago_s` seconds before now.
+        """Store the moment from which the time limit of the final ramp to zero current counts: `ago_s` (s) before now.
 
-        The handler of a signal calls this method at once, while an exchange with the supply may still be in progress.
-        The rest of this exchange then counts as part of the ramp. Only the first call has an effect.
+        After a signal such as Ctrl-C, the ramp may begin late, because an exchange of messages with the supply is still
+        in progress. The time limit counts from the signal nevertheless. Only the first call has an effect.
         """
         if self._ends_since_s is None:
             self._ends_since_s = self._clock.now() - ago_s
@@ -171,8 +171,8 @@ class Coil:
         stop_if_asked : callable
             Called between the check for faults and the measurement. It may raise an exception.
         early_s : float
-            Time by which this interval is shortened, s. A thread beside the run uses a positive value: it then always
-            measures before the run would, and the run need not wait for a measurement.
+            Time by which the interval between two measurements is shortened, s. A second thread uses a positive value:
+            it then always measures before the thread of the run would, which need not wait for a measurement.
 
         Raises
         ------

@@ -33,8 +33,8 @@ class Settling:
     ----------
     ratio : float
         Difference ratio of the last two consecutive frames: their mean squared difference, divided by the mean squared
-        difference due to noise. If the beam did not come to rest, the largest ratio of the last pairs of consecutive
-        frames; the key settle.pairs of the protocol gives the number of these pairs.
+        difference due to noise. If the beam did not come to rest, the largest such ratio among the last pairs of
+        consecutive frames; the key settle.pairs of the protocol gives the number of pairs.
     drift_ratio : float
         Last difference ratio of two frames between which the time settle.drift_window_s (a key of the protocol) passed;
         infinite if no such ratio was computed.

@@ -279,9 +279,9 @@ class Protocol(Document):
 
     @property
     def recordings(self) -> int:
-        """The number of steps that the display of the progress counts: the set-points and the ring-downs of the run.
+        """The number of times that a run takes frames: once at each set-point, and once in each ring-down.
 
-        In a ring-down the current steps to zero and the beam swings freely.
+        In a ring-down the current steps to zero and the beam swings freely. The display of progress uses this number.
         """
         return len(self.currents_A) + (self.ring_down.repeats if self.ring_down else 0)
 

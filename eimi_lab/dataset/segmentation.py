@@ -151,12 +151,12 @@ def _find_all(
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all states (load steps) without false flags for a wrong position of the clamp.
+    """Correct the flags for a wrong position of the clamp in all states (load steps), and return the edges.
 
-    A flag is the record of a failed quality check. The check of the clamp position extrapolates the edges to the line
-    of the clamp. If the beam is strongly curved at the clamp, this is wrong by tenths of a millimetre. Therefore the
-    flag of the state in which the beam is straightest replaces the flags of strongly bent states. If that state has no
-    such flag, the flags of strongly bent states are removed.
+    A flag is the record of a failed quality check. The check of the clamp's position extrapolates the edges to the line
+    at which the beam leaves its clamp. If the beam is strongly curved there, the extrapolation is wrong by tenths of a
+    millimetre, and the flag may be false. Therefore only the state in which the beam is straightest decides: its flag
+    replaces the flags of strongly bent states, and without such a flag their flags are removed.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():

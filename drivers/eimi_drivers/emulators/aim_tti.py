@@ -238,11 +238,10 @@ class AimTtiDialect:
         self._error = number
 
     def _note_limits(self) -> None:
-        """Store in the limit event status register whether voltage or current limits the output, and any trip.
+        """Update the supply's limit event status register, from which a program reads limits and trips.
 
-        A trip is the switching off of the output by a protection.
-
-        The bit of a trip is set only at the first call after the trip.
+        One bit says that the voltage limits the output, and another bit that the current does. A third bit says that a
+        protection has tripped (switched the output off); it is set only at the first call after the trip.
         """
         supply = self.supply
         if supply.output_on():

@@ -63,7 +63,8 @@ def begin_fault(fault: Fault, driver: str, coil: CoilSupply, line: FaultyInstrum
 def end_faults(coil: CoilSupply, line: FaultyInstrument) -> None:
     """End the present faults of an emulated supply, of its coil, and of its line (the connection to the supply).
 
-    The fault SWAP replaces the supply by another supply. The other supply continues to answer.
+    The fault SWAP is an exception, because it has replaced the supply on the line by another supply. The first supply
+    does not return: the other supply still answers after this call.
     """
     coil.shorted_A = coil.offset_A = coil.hunting_A = 0.0
     coil.fallen = coil.locked = False

@@ -293,10 +293,11 @@ class SupplyBase(Conversation, ABC):
         return self._compare()
 
     def _compare(self) -> bool:
-        """Return whether the output of the supply on the reopened connection is off already.
+        """Check that the same supply answers on the reopened connection; return whether its output is off already.
 
         A name such as /dev/ttyUSB0 or a network address may meanwhile belong to another supply. Therefore the identity
-        is compared. A supply without a serial number is accepted only if its output is on, as the run left it.
+        is compared with the identity before. A supply without a serial number is accepted only if its output is on, as
+        it was before the connection was lost.
 
         Returns
         -------

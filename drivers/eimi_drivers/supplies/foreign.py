@@ -37,7 +37,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the wrapped function, and store the error that it raises."""
+        """Call the function that is called between two messages, and store its error before the error is passed on."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -45,7 +45,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` is the error that the wrapped function raised last."""
+        """Return whether an error is the last error of the function that is called between two messages."""
         return error is self._last
 
 
@@ -77,9 +77,9 @@ class ForeignSupply:
         self.limits: Limits = supply.limits
 
     def __getattr__(self, member: str) -> Any:
-        """Return an optional member of the supply, such as `without_contact`.
+        """Return an optional member of the wrapped supply, such as the text `without_contact`.
 
-        Raises AttributeError if the supply has no such member.
+        Raises AttributeError if the wrapped supply has no such member.
         """
         try:
             return getattr(self._supply, member)

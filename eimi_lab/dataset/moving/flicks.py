@@ -113,11 +113,11 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _white_noise(moved: Array, frames: int) -> float:
-    """Return the standard deviation of the measurement noise of a point, mm, from the spectrum of its deflection.
+    """Return the standard deviation of the noise in the measured deflection of a vibrating point, mm.
 
-    The noise is assumed to be white. The part of the spectrum above 1.5 times the vibration frequency is used, where
-    the vibration itself contributes little. ``moved`` is the deflection in n frames, mm, shape (n,), and ``frames`` is
-    the number of frames in one period of the vibration.
+    The noise is assumed to be white. It is estimated from the part of the spectrum above 1.5 times the vibration
+    frequency, to which the vibration itself contributes little. ``moved`` is the deflection in n frames, mm, shape
+    (n,), and ``frames`` is the number of frames in one period of the vibration.
     """
     power = np.abs(np.fft.rfft(moved - moved.mean())) ** 2
     first = min(round(1.5 * len(moved) / frames), len(power) - 2)

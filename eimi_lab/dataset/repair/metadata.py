@@ -178,9 +178,9 @@ def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
     """Return the possible lengths (bytes) of a block of HDF5 metadata; an empty list if they cannot be determined.
 
     The block begins at the position `at` of the file, and `signature` contains its first four bytes, which tell the
-    kind of the block. Some kinds have a fixed length, and some have several possible lengths. A part of the list of an
-    array's chunks (extensible array) has a length that follows from the header of this list; the result is empty if the
-    header is damaged (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
+    kind of the block. Some kinds have a fixed length, and some have several possible lengths. Blocks of an "extensible
+    array", in which HDF5 lists the stored pieces of an array, have lengths that follow from its header; if the header
+    is damaged, the result is empty (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
     """
     match signature:
         case b"EAHD":

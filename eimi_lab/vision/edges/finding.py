@@ -84,8 +84,8 @@ def find_edges(
         The n points of the centre line of the beam in an earlier picture, from the clamp outward. The search then
         ignores the clicked points of the calibration.
     between_mm : ndarray, shape (m, 2), optional
-        The m points of the centre line in a later picture. The beam is then expected between the two lines. Their mean
-        counts as much as a line that a person clicked on the beam.
+        The m points of the centre line in a later picture. The beam is then expected between the two lines. The search
+        gives the mean of the two lines the same weight as a line that a person clicked on the beam.
 
     Returns
     -------

@@ -118,10 +118,10 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the beam's length on which both edges are reliable, as a value for the quality checks.
+    """Return the share of the followed length on which the less clear edge is reliable, for the quality checks.
 
-    Each of the two edges is reliable ("sure") on a share of the length from the clamp to the end of the search. The
-    smaller of the two shares is returned.
+    Each of the two edges of the beam is reliable ("sure") on a share of the length from the clamp to the point at which
+    the search ended. The smaller of the two shares is returned.
 
     Parameters
     ----------
