@@ -201,7 +201,7 @@ def with_measured_coil(calibration: Calibration, measured: CoilCalibration, toda
     Parameters
     ----------
     calibration : Calibration
-        The calibration of the rig.
+        The calibration to which the rig file (the list of the instruments) refers.
     measured : CoilCalibration
         The measured field of the coil.
     today : date

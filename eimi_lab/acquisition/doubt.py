@@ -13,8 +13,8 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
     """Report that the coil may still be on, if the body of a with statement takes longer than a given time.
 
-    The body contains an attempt to switch the coil off. If the line to the supply has failed, the attempt can take
-    several seconds before it raises an error.
+    The body contains an attempt to switch the coil off. If the connection to the supply has failed, the attempt can
+    take several seconds before it raises an error.
 
     Parameters
     ----------

@@ -279,10 +279,10 @@ class OffConfirmed(Event):
     `by` is the process that switched the coil off. `determined_by` tells how the program knows that the coil is off:
     "commanded" means that the supply reports a set-point of zero and an output that is off, and "measured" means that
     in addition the measured current is below a limit. `current_A` and `limit_A` are this current and this limit; null
-    if the supply cannot measure. `takeover` is the reason why the guardian process switched the coil off; null if the
-    run switched it off. `run_killed` is true if the guardian killed the run before switching off. `address` is the
-    address of the supply; empty if the run switched the coil off. `remark` describes failures before the coil was off,
-    in words; usually empty.
+    if the supply cannot measure. The guardian process switches the coil off if the run dies. `takeover` is the reason
+    why the guardian did so; null if the run switched the coil off. `run_killed` is true if the guardian killed the run
+    before switching off. `address` is the address of the supply; empty if the run switched the coil off. `remark`
+    describes failures before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
@@ -313,7 +313,8 @@ def off_confirmed(
     by : str
         The process that switched the coil off: "run" or "guardian".
     takeover : str or None
-        The reason why the guardian process switched the coil off; None if the run switched it off.
+        The reason why the guardian process (which does this if the run dies) switched the coil off; None if the run
+        switched it off.
     run_killed : bool
         Whether the guardian process killed the run before it switched the coil off.
     address : str
@@ -339,9 +340,9 @@ class OffNotConfirmed(Event):
 
     `by` is the process that tried to switch the coil off. `reason` tells a person why this failed. `current_A` and
     `limit_A` are the measured current and the limit below which the coil counts as off; null if no current was
-    measured. `takeover` is the reason why the guardian process tried in place of the run; null if the run tried.
-    `run_killed` is true if the guardian killed the run before. `trying_process` is the number of the process that
-    continues to try; null if no process tries.
+    measured. `takeover` is the reason why the guardian process tried, which switches the coil off if the run dies; null
+    if the run tried. `run_killed` is true if the guardian killed the run before. `trying_process` is the number of the
+    process that continues to try; null if no process tries.
     """
 
     event: ClassVar[str] = "off_not_confirmed"
@@ -356,7 +357,7 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian process begins to switch the coil off, in place of the run.
+    """The guardian process begins to switch the coil off, because the run has died or stands still.
 
     `takeover` is the reason why the guardian begins. `address` is the address of the supply.
     """
@@ -368,7 +369,7 @@ class GuardianTookOver(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class RunKilled(Event):
-    """The guardian process kills the run, because the run stands still and occupies the line to the supply.
+    """The guardian process kills the run, because the run stands still and occupies the connection to the supply.
 
     The guardian is the process that switches the coil off in place of the run.
 
@@ -384,8 +385,8 @@ class RunKilled(Event):
 class EmulatedSupplyGone(Event):
     """The emulated (simulated) supply and its pseudo-terminal do not exist any more.
 
-    The guardian process therefore has nothing to switch off. `takeover` is the reason why the guardian tried to switch
-    the supply off.
+    The guardian process, which switches the coil off if the run dies, therefore has nothing to switch off. `takeover`
+    is the reason why the guardian tried to switch the supply off.
     """
 
     event: ClassVar[str] = "emulated_supply_gone"

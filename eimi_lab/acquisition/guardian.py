@@ -152,9 +152,10 @@ class Guardian:
     def recognise(self) -> None:
         """Tell the guardian process that the run has switched the supply's output off, but a current still flows.
 
-        The guardian switches off the supply that answers at the address. Without a serial number, this may be another
-        supply of the same type. The guardian therefore usually recognises it as the supply of the coil only if it finds
-        the output on or a current flowing. After this message, it recognises the supply also with its output off.
+        The guardian then has to switch off the supply that answers at the address of the coil's supply. If this supply
+        has no serial number, it may be another supply of the same type. The guardian therefore usually recognises it as
+        the supply of the coil only if it finds the output on or a current flowing. After this message, it recognises
+        the supply also with its output off.
         """
         self._send(RECOGNISED)
 
@@ -196,7 +197,8 @@ class Guardian:
     def check(self) -> None:
         """Raise InstrumentError if the guardian process ended, does not answer or has begun to switch the coil off.
 
-        Raise StoodStill if the run itself took no step for too long. Both errors end the run.
+        The guardian process switches the coil off if the run dies. Raise StoodStill if the run itself took no step for
+        too long. Both errors end the run.
         """
         if not self._armed:
             return
@@ -222,11 +224,14 @@ class Guardian:
             )
 
     def silent_s(self) -> float:
-        """Return the time (s) since the guardian process last reported that it is alive."""
+        """Return the time (s) since the last report of the guardian process that it is alive.
+
+        The guardian process switches the coil off if the run dies.
+        """
         return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
-        """Tell the guardian that the coil was confirmed off, so that the guardian no longer switches it off.
+        """Tell the guardian process that the coil is off, so that it does not switch the coil off when the run ends.
 
         No error is raised if the guardian process is gone.
         """

@@ -327,11 +327,11 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_known_by_identity(ward: Ward) -> bool:
-    """Return whether the identity of the supply is enough to recognise the supply of the coil.
+    """Return whether a supply with the right identity is certainly the supply of the coil.
 
     This is so if the identity contains a serial number, or if the supply is an emulated supply on a pseudo-terminal.
-    The result is also True if the run has sent no identity: the guardian process then accepts every supply at the
-    address.
+    Without a serial number, another supply of the same type has the same identity. The result is also True if the run
+    has sent no identity, because every supply at the address is then accepted.
     """
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 

@@ -69,9 +69,10 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """Yield the stages of a run (load cycles, states and ring-downs), in the order of the run.
+    """Yield the stages of a run in their order, from which `hottest` computes the heat of the coil.
 
-    `hottest` computes the heat of the coil from these stages.
+    The stages are the load cycles before the states, the states (load steps), and the ring-downs, in which the current
+    steps to zero and the beam swings freely.
 
     Yields
     ------

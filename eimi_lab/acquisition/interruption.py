@@ -67,8 +67,8 @@ class Interruption:
         """Interrupt the exchange with the supply if a second signal (Ctrl-C again) has asked the run to stop.
 
         The exchange is also interrupted if the run took no step for too long. The method raises an error to interrupt,
-        and otherwise does nothing. The line to the supply calls the method before each message. On a slow line it takes
-        long to send a set-point and to read the value back.
+        and otherwise does nothing. The connection to the supply calls the method before each message, because sending a
+        set-point and reading it back take long on a slow connection.
         """
         if self._run:
             self._run.leave_in_haste()

@@ -1,6 +1,6 @@
 """Open the supply and the sensors of a rig, start the guardian process, and end all of them after use.
 
-The guardian process switches the supply off if the run dies.
+A rig is the set of instruments that a rig file lists. The guardian process switches the supply off if the run dies.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WITHOUT_INSTRUMENT = "`eimi instruments` shows more, and --rig virtual needs no 
 
 @dataclass(frozen=True)
 class CoilBench:
-    """The open supply of a coil, the clock, the guardian of the supply, and the open sensors of the rig.
+    """The open supply of a coil, the clock, the guardian of the supply, and the open sensors of a rig file.
 
     The guardian is the process that switches the coil off if the run dies; None for a simulated supply, which ends
     together with the run. `interruption` lets a signal such as Ctrl-C interrupt long operations of the supply.

@@ -98,8 +98,8 @@ class PlayedCamera:
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
     """Return a sentence that compares the number of pictures in a recording with the number of pictures for a run.
 
-    A recording is a video or a folder of pictures that replaces the camera. The sentence is empty if the rig has no
-    recording. Raises InputError if the recording is too short.
+    A recording is a video or a folder of pictures that replaces the camera. The sentence is empty if the rig (the list
+    of instruments) has a real or virtual camera. Raises InputError if the recording is too short.
     """
     available = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
     if available is None:

@@ -17,7 +17,7 @@ from eimi_lab.config.rig import Rig
 
 
 def cannot_reverse(rig: Rig) -> bool:
-    """Return whether the supply of a rig can only give currents of one sign. This is so for every simulated supply.
+    """Return whether the supply in a rig file can only give currents of one sign, as every simulated supply.
 
     Raises InstrumentError for an unknown driver.
     """

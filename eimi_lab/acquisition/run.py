@@ -57,7 +57,7 @@ _log = logging.getLogger(__name__)
 
 
 def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
-    """Check that protocol, specimen and rig fit together. No instrument is used.
+    """Check that a protocol file, a specimen file and a rig file fit together. No instrument is used.
 
     Raises
     ------

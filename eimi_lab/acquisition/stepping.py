@@ -34,7 +34,7 @@ class Stepping:
 
     `noise` is the noise of the camera. `began_s` is the time on the clock (s) at which the run began; for a resumed
     run, the time at which its first part began. `on_event` receives the events (records of what happened). `guardian`
-    is None for a simulated supply.
+    is the connection to the process that switches the coil off if the run dies; None for a simulated supply.
     """
 
     protocol: Protocol

@@ -119,7 +119,8 @@ class _SignalsHeeded:
     def go_on_down(self) -> None:
         """End the ramp of the current to zero early, by raising _InHaste, if a second signal has come.
 
-        The ramp calls this method between its steps. The call also tells the guardian process that the run is alive.
+        The ramp calls this method between its steps. The call also tells the guardian process (which switches the coil
+        off if the run dies) that the run is alive.
         """
         self.move_on()
         if len(self._noted) > 1:

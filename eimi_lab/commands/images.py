@@ -170,7 +170,7 @@ def import_(
 
 @dataclass(frozen=True)
 class _Tables:
-    """The paths and the specimen of an import of states.
+    """The paths and the specimen of an import of load steps.
 
     `source` contains the images, `states` is the table of states (states.csv), `beam` is the content of specimen.toml,
     and `output` is the dataset. `force` is true if an existing dataset is replaced.

@@ -1,4 +1,4 @@
-"""The command `plan`, which chooses the states to measure in the next run."""
+"""The command `plan`, which chooses the currents to measure in the next run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table [[interlocks]] of a rig: bounds of a reading beyond which the coil is switched off."""
+"""The table [[interlocks]] of a rig file: bounds of a measured value, beyond which the coil is switched off."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ NO_PLAYBACK = Playback()
 
 
 class Camera(Table):
-    """The camera of a rig. A setting that is absent in the file is not changed in the camera."""
+    """The table [camera] of a rig file. A setting that is absent in the file is not changed in the camera."""
 
     driver: str
     """opencv, basler, aravis, gentl, virtual, or the name of a driver from another package."""

@@ -1,4 +1,4 @@
-"""The table [[sensors]] of a rig: gaussmeters, thermometers and other sensors that a run reads."""
+"""The table [[sensors]] of a rig file: gaussmeters, thermometers and other sensors that a run reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table [virtual.optics] of a rig: back-light, lens and sensor of the virtual camera."""
+"""The table [virtual.optics] of a rig file: back-light, lens and sensor of the simulated camera."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class SearchAgain(Protocol):
     """Function that finds the edges of the beam in one state (load step) with the help of other states."""
 
     def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
-        """Find and return the edges of the state with the number `index`.
+        """Find and return the edges of the beam in the state (load step) with the number `index`.
 
         If several bodies in the image may be the beam, the body nearest to the edges `guide` of another state is taken.
         `lines_mm` tells where the middle line of the beam is expected: at one line, between two lines, or anywhere if

@@ -1,4 +1,4 @@
-"""Read the loads and flags of the states (load steps) from a dataset."""
+"""Read the loads and the flags (names of defects) of the states (load steps) from a dataset."""
 
 from __future__ import annotations
 

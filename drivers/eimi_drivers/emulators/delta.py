@@ -72,7 +72,7 @@ class DeltaPscEthDialect(ScpiDialect):
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if the time since the last message exceeds the time of the watchdog."""
+        """Switch the output off if the watchdog, a timer that every message restarts, has expired."""
         self.watchdog.watch()
 
     def _shortened(self, line: str) -> str:

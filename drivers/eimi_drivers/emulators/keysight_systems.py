@@ -47,7 +47,7 @@ class _KeysightWatchdog(ScpiDialect):
         return super().receive(data)
 
     def watch(self) -> None:
-        """Switch the output off if the time since the last message exceeds the time of the watchdog."""
+        """Switch the output off if the watchdog, a timer that every message restarts, has expired."""
         if self.watchdog.watch():
             self._programmed_on = True
 

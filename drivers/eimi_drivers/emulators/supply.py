@@ -201,7 +201,7 @@ class CoilSupply:
         return 0.0 <= voltage_V <= self.max_voltage_V and self._obey(set_voltage_V=voltage_V)
 
     def switch(self, on: bool) -> bool:
-        """Switch the output on or off, and return True. Switching on clears a trip.
+        """Switch the output on or off, and return True. Switching on clears a trip of a protection.
 
         If the supply is locked because a person uses the front panel, nothing changes and the result is False.
         """
@@ -227,7 +227,7 @@ class CoilSupply:
         )
 
     def clear_trip(self) -> bool:
-        """Clear a trip, and return True. The output stays off.
+        """Clear the trip of a protection, which has switched the output off, and return True. The output stays off.
 
         If the supply is locked because a person uses the front panel, nothing changes and the result is False.
         """
@@ -245,7 +245,7 @@ class CoilSupply:
         self._change(output=False, tripped=True)
 
     def reset(self, current_A: float = 0.0) -> bool:
-        """Switch the output off, set 0 V and `current_A` (A), and clear a trip, as after the message ``*RST``.
+        """Switch the output off, set 0 V and `current_A` (A), and clear the trip of a protection, as ``*RST`` does.
 
         Return True. If the supply is locked because a person uses the front panel, nothing changes and the result is
         False.
@@ -253,7 +253,7 @@ class CoilSupply:
         return self._obey(output=False, set_voltage_V=0.0, set_current_A=current_A, tripped=False)
 
     def restart(self) -> None:
-        """Go to the state after power-up: the output is off, the set-points are 0, and no protection is armed."""
+        """Go to the state after power-up: the output is off, the set-points are 0, the protections are switched off."""
         self._change(
             output=False,
             set_voltage_V=0.0,

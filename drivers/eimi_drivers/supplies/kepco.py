@@ -104,7 +104,8 @@ class KepcoBopSupply(ScpiSupply):
 class KepcoBit4886Supply(KepcoBopSupply):
     """Driver of a Kepco BOP of 50 W to 400 W with the interface card BIT 4886, in current mode.
 
-    ``VOLT`` limits the positive and the negative voltage. The driver arms no protection, because the card has none.
+    The message ``VOLT`` limits the positive and the negative voltage. The driver switches no protection on, because the
+    card has none.
     """
 
     name = "kepco-bit4886"

@@ -89,7 +89,7 @@ class ScpiSupply(SupplyBase):
     def _go_remote(self) -> None:
         """Bring a supply on a serial line into remote mode before its first message.
 
-        The method sends nothing if the profile of the family has no message for remote mode.
+        The method sends nothing if `Profile.remote` is empty, which means that the family needs no such message.
         """
         if self._is_local:
             self._link.write(self.profile.remote.encode("ascii") + self.ends_with)
@@ -262,6 +262,7 @@ def scpi_driver(family: Profile) -> type[ScpiSupply]:
 def effect_without_contact(watchdog: Watchdog | None) -> str:
     """Return a text that describes what the output does if the computer fails or the cable is pulled.
 
-    Without a watchdog the text says that the output stays on.
+    A watchdog is a timer inside the supply that then switches the output off. Without a watchdog (None), the text says
+    that the output stays on.
     """
     return watchdog.effect.format(seconds=watchdog.seconds) if watchdog else STAYS_ON

@@ -160,14 +160,14 @@ class ReplayedTransport:
         return unescaped(received[1])
 
     def reopen(self) -> bool:
-        """Return False, because a transcript cannot be reopened."""
+        """Return False, because the connection to an instrument that a file of messages replaces cannot be reopened."""
         return False
 
     def close(self) -> None:
         """Do nothing, because no connection is open."""
 
     def assert_complete(self) -> None:
-        """Raise TranscriptMismatch if the transcript was not played back to its end."""
+        """Raise TranscriptMismatch if the transcript (the file of recorded messages) was not played back to its end."""
         if self._next < len(self._events):
             number, kind, text = self._events[self._next]
             count = len(self._events) - self._next

@@ -233,7 +233,7 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Measure how the beam differs from specimen and calibration, and add these values to the findings.
+        """Measure how the beam differs from specimen and calibration, and add the values to `findings`.
 
         The values are the deviations of width and length, the twist, and the distance between the clamp in the picture
         and the clamp of the calibration. Return False if the body is too wide to be the beam; only the deviation of the

@@ -65,9 +65,9 @@ def normals_of(tangents: Array) -> Array:
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return the stations of a profile: distances along a normal, px, from -inner_px to outer_px, half a pixel apart.
+    """Return the distances along a normal of an edge at which grey values are read: from -inner_px to outer_px, px.
 
-    Zero is one of the distances. At each station a grey value is read.
+    The distances are half a pixel apart, and 0 is one of them.
     """
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
@@ -330,8 +330,9 @@ def _derivatives(
 ) -> tuple[Array, Array]:
     """Return the derivatives of the m grey values of n fitted profiles with respect to the unknowns of the fit.
 
-    u: distances along the normals. shared: the values of the shared unknowns. covered: indices of the profiles that
-    cross silicone beside the magnet.
+    A profile contains the grey values along a line across an edge of the beam. u: the distances along this line.
+    shared: the values of the unknowns that all profiles share, the blur and the widths of the silicone beside the
+    magnet. covered: indices of the profiles that cross this silicone.
 
     Returns
     -------

@@ -60,8 +60,8 @@ def shadow_px(sides: Sides, width_px: float) -> float:
     """Return how far (px) the edges may be wrong because of shadows.
 
     Where a shadow is possible beside the beam, its border and the located edge are both possible edges (`sides.shadow`
-    is the distance between them). The result is the root mean square of this distance at the stations at which an edge
-    is reliable. width_px: nominal width of the beam, px.
+    is the distance between them). The result is the root mean square of this distance over the places along the beam at
+    which an edge is reliable. width_px: nominal width of the beam, px.
     """
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 

@@ -130,7 +130,7 @@ def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Edge:
-    """The image and the colour projection (weighted sum of colours) with which the profiles across one edge are read.
+    """The image, and the weighted sum of its colours that becomes one number along lines across an edge of the beam.
 
     `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1. `width_px` is the
     nominal width of the beam.

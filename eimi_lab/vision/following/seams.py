@@ -103,11 +103,11 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _refined_positions(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Return the positions across the beam of a seam (line along an edge) at n stations, in nominal widths, (n,).
+    """Refine the positions of a line along an edge at n places along the beam; return them in nominal widths, (n,).
 
-    The seam has the index `seam` (n,) among the m points across the beam, whose coordinates are `across` (m,). The
-    position between two points is the maximum of a parabola through the values `value` (n, m) at the point of the seam
-    and its two neighbours.
+    The picture is sampled at m points across the beam, whose coordinates are `across` (m,). At each place, the line
+    passes through the point with the index `seam` (n,), at which `value` (n, m) is large. The refined position is the
+    maximum of a parabola through the values at this point and its two neighbours.
     """
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
