@@ -2,13 +2,14 @@
 
     python -m benchmarks.time_coverage [--draws 500] [--first 1] [-o FILE.jsonl] [--table]
 
-Each draw is a separate virtual measurement of another hidden material with two Prony terms: two ring-downs in zero
-field, and creep and ring-down in two fields. The dimensions, the density of the magnet and the remanence differ from
-the nominal values by random errors of the size of their stated uncertainties. The static states, and the air, which
-moves with the beam and damps it, have errors of the size that the fit states for them. Every position gets noise. The
-motion is that of the rod of the virtual rig (`tests.shared.creeping_rod`), which shares no equation with the fit.
+Each draw is a separate virtual measurement of another hidden material (unknown to the fit) with two Prony terms: two
+ring-downs in zero field, and creep and ring-down in two fields. The dimensions, the density of the magnet and the
+remanence differ from the nominal values by random errors of the size of their stated uncertainties. The static states
+(bent beams at rest) and the effect of the air, which moves with the beam and damps it, have errors of the size that the
+fit states for them. Every position gets noise. The motion is that of the rod of the virtual rig
+(`tests.shared.creeping_rod`), which shares no equation with the fit.
 
-Six simplifications make hundreds of draws affordable. The option --whole leaves out the last three of them.
+Six simplifications make hundreds of draws affordable. With the option --whole, only the first three of them are made.
 
 - The creep of the rod is computed without inertia. Its vibration is computed separately, from the tangent stiffness,
   and added. For one material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which
@@ -98,12 +99,12 @@ def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the stiffness of the rod for the nominal beam, and how it changes with the dimensions of the beam.
+    """Return the elastic rod that replaces the nominal beam, and how its parameters change with the beam's dimensions.
 
-    The beam is simulated as an elastic rod with a hinge between rod and magnet. The change is an array of derivatives,
-    shape (3, 3). The rows belong to ln(width), ln(depth) and ln(length) of the beam. The columns belong to three
-    numbers of the rod: ln(length), ln(stiffness of the hinge), and the softening (m²), the relative loss of bending
-    stiffness per squared curvature.
+    The rod has a hinge between rod and magnet. The change is an array of derivatives, shape (3, 3). A row belongs to a
+    dimension of the beam: ln(width), ln(depth) and ln(length). A column belongs to a parameter of the rod: ln(length),
+    ln(stiffness of the hinge), and the softening (m²), which is the relative loss of bending stiffness per squared
+    curvature.
     """
 
     def rod(specimen: Specimen) -> Stiffness:

@@ -152,11 +152,12 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of the bending s at which this depth effect is assumed to equal its base: s = 0, or none.
+        """The bending s at which this depth effect is assumed to equal its base: the tuple (0,), or an empty tuple.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. The base is the depth
-        effect of a similar candidate law. If s is the rotation of the tip, both are assumed to be equal at s = 0. The
-        result is empty if there is no base, or if s is not the rotation of the tip.
+        The depth effect is the shape of the solid model minus the shape of the planar model. It may be stored as a
+        correction to a base, which is the depth effect of a similar candidate law. If s is the rotation of the tip,
+        both are assumed to be equal at s = 0. The result is empty without a base, or if s is not the rotation of the
+        tip.
         """
         return (0.0,) if self.base and self.by_turn else ()
 
@@ -169,10 +170,8 @@ class DepthEffect:
         base: a new polynomial is put through d(s), base and correction together. Its values s are those at which the
         solid model was solved for the base.
 
-        If s is the rotation of the tip, these values are first multiplied by a ratio, because the tips of the two
-        candidates rotate by different angles. The ratio is the rotation in the first solved state of this object,
-        divided by the rotation in the first solved state of the base. If this object has no solved states of its own,
-        the result is the base.
+        If s is the rotation of the tip, these values are first scaled, because the tips of the two candidates rotate by
+        different angles. If this object has no solved states of its own, the result is the base.
         """
         if self.base is None or not self.places:
             return self.base or self

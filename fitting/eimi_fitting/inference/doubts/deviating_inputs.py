@@ -1,14 +1,12 @@
 """Find the inputs whose deviations from the stated values can be recognised in the residuals.
 
-Only deviations within the uncertainties that the files state are sought here. A hypothesis about the residuals is a set
-of causes (errors of the bench). Every hypothesis contains these deviations as well (`inference.doubts.stated_inputs`),
-so that they may explain the residuals without any cause. An input may nevertheless deviate by two standard
-uncertainties, and the residuals may show which input it is.
+An input, such as a width, may deviate from its stated value by two standard uncertainties, and the residuals may show
+which input it is. Such a deviation is no error of the bench, because it lies within the uncertainty that a file states.
 
-To test an input, the causes are weighed again with this input at its exact stated value, while the others stay
-uncertain. If the most probable cause is then the deviation of this input, the deviation is reported. An error of the
-bench that no file states may have the same effect on the residuals. It is weighed too, and shares the probability with
-the deviation.
+To test an input, the possible errors of the bench (causes) are weighed again, with this input at exactly its stated
+value and the other inputs uncertain. If the most probable cause is then the deviation of this input, the deviation is
+reported. An error of the bench that no file states may have the same effect on the residuals. The probability is then
+shared between this error and the deviation.
 """
 
 from __future__ import annotations

@@ -223,12 +223,14 @@ class Candidates:
     def least_percent(self, states: int) -> float:
         """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
 
-        A choice whose interval is near this bound can hardly be improved. The bound has two parts: noise and uncertain
-        inputs. For the noise, every chosen state is assumed to determine the quantity as well as the best state does.
+        The interval belongs to the goal quantity, the modulus or a parameter of the law. A choice whose interval is
+        near this bound can hardly be improved. The bound has two parts: noise and uncertain inputs. For the noise,
+        every chosen state is assumed to determine the goal quantity as well as the best state does.
 
-        For the uncertain inputs, let a_si be the error of the quantity if only state s is measured and input i is wrong
-        by one standard uncertainty. If several states are measured, the error by input i is a weighted mean of the a_si
-        over the states, with weights v_s >= 0 whose sum is one. The best possible weights give the smallest value of
+        For the uncertain inputs, let a_si be the error of the goal quantity if only state s is measured and input i is
+        wrong by one standard uncertainty. If several states are measured, the error by input i is a weighted mean of
+        the a_si over the states, with weights v_s >= 0 whose sum is one. The best possible weights give the smallest
+        value of
 
             sum_i (sum_s v_s a_si)^2,
 
