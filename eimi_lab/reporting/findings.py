@@ -192,7 +192,7 @@ def _on_unseen_specimens(
 ) -> Iterator[Validation]:
     """Yield the errors of a fit on each dataset of the report whose specimen was not used for the fit.
 
-    The errors are distances between measured and simulated points.
+    The errors are distances between measured and simulated points. `fitted_to` contains the datasets of the fit.
     """
     fitted_specimens = {contents.dataset.specimen.specimen.name for contents in fitted_to}
     for contents in report.datasets:

@@ -68,7 +68,8 @@ def errors_of(routes: Sequence[Route], experiment: Experiment) -> list[dict[str,
 def mean_error_um(stored: dict[str, Any]) -> float:
     """Return the mean of a law's errors in all states in µm; infinity if the beam has no equilibrium with the law.
 
-    The error in a state is the root mean square distance between measured and simulated edges.
+    The error in a state is the root mean square distance between measured and simulated edges. `stored` is the element
+    for this law in the result of `errors_of`.
     """
     return float("inf") if stored["error_mm"] is None else 1e3 * float(np.mean(stored["error_mm"]))
 
@@ -76,6 +77,7 @@ def mean_error_um(stored: dict[str, Any]) -> float:
 def mean_deviation_um(stored: dict[str, Any]) -> float:
     """Return the mean of a law's deviations in all states in µm; infinity if the beam has no equilibrium.
 
-    The deviation in a state is the standard deviation of the distances between measured and simulated edges.
+    The deviation in a state is the standard deviation of the distances between measured and simulated edges. `stored`
+    is the element for this law in the result of `errors_of`.
     """
     return float("inf") if stored["deviation_mm"] is None else 1e3 * float(np.mean(stored["deviation_mm"]))

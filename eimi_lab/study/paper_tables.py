@@ -377,7 +377,8 @@ def _states(rows: Sequence[dict[str, Any]]) -> Table:
 def _enough(rows: Sequence[dict[str, Any]]) -> str:
     """Return a sentence with the number of states that a fit needs to determine the modulus within 1 %.
 
-    With this number of states, the half-width of the 95 % interval of the modulus is at most 1 %.
+    With this number of states, the half-width of the 95 % interval of the modulus is at most 1 %. Each of the `rows`
+    has a number of states, and the half-width of a fit with this number.
     """
     enough = [row["states"] for row in rows if row["fit_half_percent"] <= 1]
     return (

@@ -194,7 +194,10 @@ def forget_solids() -> None:
 
 @lru_cache(maxsize=2)
 def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
-    """Return the solid model of a specimen. The same model is used for both signs of the field."""
+    """Return the solid model of a specimen. The same model is used for both signs of the field.
+
+    `mesh` contains the numbers of elements along and across the beam, and the refinement factor in depth.
+    """
     return SolidBeside(specimen, *mesh)
 
 
@@ -209,10 +212,11 @@ def _solved(
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
     """Return the solid model, its depth effect, and the field in mT up to which the depth effect was computed.
 
-    The depth effect is the difference between the shapes of the solid and the planar model. The depth effect is
-    computed up to the strongest field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter
-    of this field. If the solid has no equilibrium up to a quarter either, the depth effect is None and the returned
-    field is 0.
+    The depth effect is the difference between the shapes of the solid and the planar (two-dimensional) model. It is
+    computed up to the field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter of this
+    field. If the solid has no equilibrium up to a quarter either, the depth effect is None and the returned field is 0.
+    `law` and `values` are the name and the parameters of the hyperelastic law. `mesh` contains the numbers of elements
+    along and across the beam, and the refinement factor in depth.
     """
     beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):

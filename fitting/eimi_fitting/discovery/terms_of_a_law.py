@@ -236,6 +236,9 @@ def discover(
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
     """Fit all small sets of terms; if even the best set predicts worse than the noise allows, increase the noise.
 
+    ``rows`` are the equations for the coefficients of all terms. ``has_modulus`` says which terms contribute to the
+    initial shear modulus. A set has at most ``most_terms`` terms.
+
     Returns
     -------
     tuple

@@ -82,7 +82,7 @@ class InvariantEnergy(ABC):
 
     @abstractmethod
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx².
+        """Return the strain energy W(x, y), and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
 
         Parameters
         ----------

@@ -61,7 +61,10 @@ class MooneyRivlin(InvariantLaw):
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = C10 x + C01 y with x = I1 - 3 and y = I2 - 3, and dW/dx, dW/dy and d²W/dx²."""
+        """Return W = C10 x + C01 y, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+
+        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
+        """
         c10, c01 = parameters[..., 0], parameters[..., 1]
         zero = np.zeros_like(x)
         return c10 * x + c01 * y, c10 + zero, c01 + zero, zero
@@ -72,7 +75,7 @@ class MooneyRivlin(InvariantLaw):
         The limit has one of two causes. If C01 is negative, the stress has its maximum at this stretch. If C10 is
         negative, a sheet under equal tension in two directions begins to stretch more in one of them; this happens
         where C10 q + C01/q = 0, with the square q of the stretch. The result is infinity if neither is negative, and 0
-        if C10 + C01 is not positive.
+        if C10 + C01 is not positive. ``largest_stretch`` is not used.
         """
         c10, c01 = parameters.T
         limit = np.full(len(parameters), np.inf)

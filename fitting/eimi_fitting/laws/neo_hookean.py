@@ -37,7 +37,7 @@ class NeoHookean(InvariantLaw):
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = mu/2 x, and dW/dx, dW/dy and d²W/dx².
+        """Return W = mu/2 x, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
 
         x = I1 - 3 and y = I2 - 3. The law does not depend on y.
         """

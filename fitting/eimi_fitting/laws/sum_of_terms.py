@@ -135,7 +135,10 @@ class _Invariants(InvariantEnergy):
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W(x, y) with x = I1 - 3 and y = I2 - 3, and dW/dx, dW/dy and d²W/dx²."""
+        """Return the strain energy W(x, y), and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+
+        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
+        """
         energy, w1, w2, w11 = (np.zeros(np.broadcast_shapes(np.shape(x), parameters.shape[:-1])) for _ in range(4))
         for i, term in enumerate(self.terms):
             c, number = parameters[..., i], term.number or 1.0

@@ -85,7 +85,7 @@ class Yeoh(InvariantLaw):
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = C10 x + C20 x^2 + C30 x^3, and dW/dx, dW/dy and d²W/dx².
+        """Return W = C10 x + C20 x^2 + C30 x^3, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
 
         x = I1 - 3 and y = I2 - 3. The law does not depend on y.
         """
@@ -101,7 +101,8 @@ class Yeoh(InvariantLaw):
         """Return the stretch in equibiaxial tension up to which each of P candidate laws is stable, (P,).
 
         The result is infinity if the candidate is stable everywhere, and 0 if C10 is not positive. The module
-        `laws.yeoh` describes the criterion.
+        `laws.yeoh` describes the criterion. ``largest_stretch`` is not used, because the limit is computed in closed
+        form.
         """
         limit = np.full(len(parameters), np.inf)
         doubtful = (parameters[:, 1:] < 0).any(axis=1)

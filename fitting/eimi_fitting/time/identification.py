@@ -326,8 +326,9 @@ def _creeps(
 ) -> tuple[CreepEvidence, ...]:
     """Return rotations of the tip over time (the evidence of creep) from recordings with a step of the load.
 
-    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used. middle_Pa: a
-    typical shear modulus of the specimen.
+    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used. analysed:
+    the recordings with their vibrations. law, shape: the hyperelastic law and its parameters. middle_Pa: a typical
+    shear modulus of the specimen.
     """
     evidence = []
     for recorded, decay in analysed:
