@@ -71,14 +71,14 @@ def bending_rows(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms from the edges of bent beams.
 
-    The residuals of the edges are linearised: they are approximated by linear functions of the coefficients, which are
+    The equations approximate the residuals of the edges by linear functions of the coefficients. The approximation is
     exact to first order near the coefficients ``about``.
 
     The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
-    nuisance is an error of the modulus, the same for all beams. The others are the errors of the inputs for which a
-    file states an uncertainty; an input with several components, such as x and y of the clamp, gives several nuisances.
-    The remaining error of the beam model counts as additional noise in each state. If a beam has no equilibrium, the
-    linearisation is repeated about laws that are 1 % stiffer, 1 % softer and 3 % stiffer.
+    nuisance is an error of the modulus that is the same for all beams. Every other nuisance is the error of one number
+    for which a file states an uncertainty, such as x of the clamp. The remaining error of the beam model counts as
+    additional noise in each state. If a beam has no equilibrium, the approximation is repeated about laws that are 1 %
+    stiffer, 1 % softer and 3 % stiffer.
 
     Parameters
     ----------
@@ -180,13 +180,13 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
     """Return how the residuals in mm change if an uncertain input of the experiments deviates.
 
-    An uncertain input (source) has one or more parts, such as x and y of the clamp. Some experiments may share one
-    input, for example the calibration of one camera; its error is then the same in all of them.
+    An uncertain input (source) has one or more parts, such as x and y of the clamp. Its error may be common to several
+    experiments, for example the error of the calibration of one camera.
 
-    The result has one row for each part of each input. A row has one entry for each experiment: the change of the
-    residuals, (K, G, m), when the part deviates by one standard uncertainty. There are G = 2 groups of residuals (left
-    and right edge, or x and y of tracked points) of m points in K states. The entry is None if the experiment does not
-    have this input, or if the beam has no equilibrium after the change.
+    The result has one row for each part of each input, and in each row one entry for each experiment. The entry is the
+    change of the residuals, (K, G, m), if the part deviates by one standard uncertainty: K states, G = 2 groups (left
+    and right edge, or x and y of tracked points) and m points. It is None if the experiment does not have the input, or
+    if the beam has no equilibrium after the change.
 
     about: the coefficients of the law with which the residuals are simulated.
     """

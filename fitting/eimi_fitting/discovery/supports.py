@@ -1,19 +1,18 @@
 """Fit every small set of terms of a law, and find the sets that the data cannot distinguish from the best set.
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
-2. Each set gets a cross-validation error: every equation is predicted by a fit without its group, in at most 20 folds
-   (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section 7.10). S is the sum of the squared
-   prediction errors of a set. The best set has the smallest sum, S_best.
-3. A set is compatible with the data if noise can explain that S is larger than S_best. Let delta be the vector of the
-   differences between the predictions of the two sets. The noise has unit variance, and it changes S - S_best with a
-   standard error of 2 |delta|. A set is compatible if
+2. Each set gets a sum S of squared prediction errors by cross-validation: every equation is predicted by a fit without
+   its group, in at most 20 folds (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section
+   7.10). The best set has the smallest sum, S_best.
+3. A set is compatible with the data if noise can explain that S is larger than S_best. Noise of unit variance changes
+   S - S_best with the standard error 2 |delta|, where the vector delta is the difference between the predictions of the
+   two sets. A set is compatible if
 
        S - S_best <= 1.5 * 2 |delta|.
 
    This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. It rarely rejects the
-   right set. Suppose that the best set contains the right set and has superfluous terms. These terms fit noise, which
-   reduces S by at most |delta|^2. The rule then rejects the right set only if |delta|^2 > 3 |delta|, that is, if
-   |delta| is above three standard deviations of the noise.
+   right set. If the best set contains the right set, its superfluous terms fit noise, which reduces S by at most
+   |delta|^2. The right set is then rejected only if |delta| exceeds three standard deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it. An upper limit is then computed for the coefficient of each further term.
 """

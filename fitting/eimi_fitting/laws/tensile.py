@@ -210,9 +210,9 @@ def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array)
     proportional to the modulus, so that linear least squares gives the best modulus for given ratios.
 
     The 95 % intervals take the bounds into account. The bounds of a ratio act as a normal prior with the variance of a
-    uniform distribution between them, and the interval of the ratio ends at its bounds. The dimensionless parameters of
-    the law are functions of the ratios. The interval of such a parameter is the range of its values, when every ratio
-    is at one or the other end of its interval, in all combinations.
+    uniform distribution between them, and the interval of the ratio does not extend beyond them. A dimensionless
+    parameter of the law is a function of the ratios. Its interval contains the values for all combinations of the ends
+    of these intervals.
     """
     bounded = law.coordinates[1:]
     lower, upper = np.array([c.lower for c in bounded]), np.array([c.upper for c in bounded])

@@ -147,12 +147,11 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
 
-    The swing changes both numbers from one time window to the next. Two estimates of the error are made for each
-    number, and the larger one is returned:
+    The swing changes both numbers from one time window to the next. Each error is the larger of two estimates:
 
-    - The deviation of each used window from the vibration that was fitted to all used windows. Twice the standard
-      uncertainty of the window is subtracted, and the largest result is the estimate. Windows with
-      small amplitudes are left out, because the swing is the larger part of the motion there.
+    - The largest deviation of a used window from the vibration that was fitted to all used windows, minus twice the
+      standard uncertainty of the window. Windows with small amplitudes are left out, because the swing is the larger
+      part of the motion there.
     - Half of the change from the last used window to the first window that is not used.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)

@@ -253,7 +253,7 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
 
     The columns are: a decaying cosine and a decaying sine for each mode; cosine and sine at two and at three times the
     frequency of the first mode (harmonics); the square of the first mode's amplitude, because a nonlinear beam vibrates
-    about a shifted position; and the functions of the slow baseline.
+    about a shifted position; and splines for the slow motion.
 
     time: seconds since the first frame, (n,). modes: ln omega and loss factor in each row. bend: the numbers kappa_1
     and kappa_2, by which frequency and loss factor of the first mode grow with the amplitude; empty if both are 0.

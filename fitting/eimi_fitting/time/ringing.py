@@ -231,13 +231,13 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """The comparison of the planar model with a better model: frequencies, bending and eigenvalues.
+        """The differences of a better model from the planar model: in its frequencies, its bending and its eigenvalues.
 
-        The better model is the solid model, or a finer planar model if the section is planar. The first value has the
-        three lowest frequencies of the better model divided by those of the planar model, (3,). The second value is the
-        factor on the modulus with which the planar model bends as far as the better model. The third value has the
-        eigenvalues (squared angular frequencies) of three modes of the better model, (3, 2) in 1/s², for moduli in the
-        vibration of 0.9 and 1.2 times the static modulus.
+        The better model is the solid model, or a finer planar model if the section is planar. The first value is the
+        three lowest frequencies of the better model, divided by those of the planar model, (3,). The second value is
+        the factor on the modulus with which the planar model bends as far as the better model. The third value is the
+        eigenvalues (squared angular frequencies) of three modes of the better model, (3, 2) in 1/s². Their columns
+        belong to moduli in the vibration of 0.9 and 1.2 times the static modulus.
         """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()

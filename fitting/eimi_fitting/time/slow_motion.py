@@ -34,10 +34,10 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
     Two similar equilibria of the beam are computed. The result is the difference of their shapes, divided by the
-    difference of their rotations. The two equilibria have the loads after the step and different moduli, because the
-    modulus of a beam changes while it creeps. The shape of some beams, such as a hanging beam without a field, does not
-    depend on the modulus. The two equilibria then have different loads: the loads after the step, and these loads,
-    changed by a tenth of the step toward the loads before it.
+    difference of their rotations. The equilibria have the loads after the step and different moduli, because the
+    modulus changes while the beam creeps. If the shape does not depend on the modulus, as for a hanging beam without a
+    field, the equilibria have different loads: the loads after the step, and loads a tenth of the step nearer to those
+    before it.
 
     Parameters
     ----------
