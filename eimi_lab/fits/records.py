@@ -119,7 +119,7 @@ class CurveRecord(Record):
 
     @property
     def name(self) -> str:
-        """Return the path of the file; for a curve without a file, a name made from the hash."""
+        """Return the path of the file of a tensile curve; for a curve without a file, a name made from its hash."""
         return self.path or f"tensile curve {self.sha256[:8]} (from no file)"
 
     @staticmethod

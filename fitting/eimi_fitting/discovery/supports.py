@@ -2,8 +2,8 @@
 
 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
 2. Each set gets a sum S of squared prediction errors by cross-validation: every equation is predicted by a fit without
-   its group, in at most 20 folds (Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, section
-   7.10). The best set has the smallest sum, S_best.
+   its group (the equations with correlated errors), in at most 20 folds (Hastie, Tibshirani, Friedman 2009, The
+   Elements of Statistical Learning, section 7.10). The best set has the smallest sum, S_best.
 3. A set is compatible with the data if noise can explain that S is larger than S_best. Noise of unit variance changes
    S - S_best with the standard error 2 |delta|, where the vector delta is the difference between the predictions of the
    two sets. A set is compatible if

@@ -53,7 +53,7 @@ class SearchSpace:
 
     @property
     def has_bulk(self) -> bool:
-        """Whether the bulk modulus is a coordinate."""
+        """Whether the bulk modulus is one of the coordinates, the quantities that the search varies."""
         return self.names[-1] == BULK_NAME
 
     def with_bulk(self) -> SearchSpace:

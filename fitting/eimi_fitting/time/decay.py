@@ -52,7 +52,7 @@ class RingMode:
 
     @property
     def rate(self) -> complex:
-        """The complex rate s = -delta + i omega in 1/s."""
+        """The complex rate s = -delta + i omega in 1/s, with the decay rate delta and the angular frequency omega."""
         omega = 2 * np.pi * self.frequency_Hz
         return complex(-0.5 * self.loss * omega, omega)
 

@@ -92,7 +92,7 @@ class LoadCurve:
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the same load curve, given by the moments at equally spaced rotations of the tip."""
+        """Return the same curve of the loads, given by their moments at equally spaced rotations of the tip."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 
