@@ -143,7 +143,7 @@ def _check_magnet(path: Path, experiment: Experiment) -> None:
 
 
 def _check_map(experiment: Experiment) -> None:
-    """Raise InputError if the tip of the beam reaches a place where the measured map of the coil's field has no values."""
+    """Raise InputError if the tip of the beam reaches a place where the measured map of the field has no values."""
     table = experiment.loads.coil.table if experiment.loads.coil else None
     if table is None or not _is_edges(experiment):
         return

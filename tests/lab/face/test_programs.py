@@ -31,7 +31,7 @@ def code_lines(text: str) -> int:
 
 @pytest.fixture(scope="module")
 def again(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A second dataset of the bench."""
+    """The path of a second dataset, recorded on the same virtual bench as the first."""
     toml = [bench / f"{name}.toml" for name in ("protocol", "specimen", "rig")]
     path = tmp_path_factory.mktemp("again") / "run.h5"
     eimi.acquire(toml[0], toml[1], toml[2], path, note="again").close()
