@@ -67,7 +67,7 @@ class Residuals:
 
     @property
     def root_mean_square_mm(self) -> Array:
-        """Return the root mean square distance of measured from simulated points in each of K states, mm, shape (K,)."""
+        """Return the root mean square distance of measured from simulated points in each state, mm, shape (K,)."""
         squares = np.nansum(self.distance_mm**2, axis=(1, 2))
         points = np.isfinite(self.distance_mm).sum(axis=(1, 2)) / (1 if self.edge == ("left", "right") else 2)
         return np.asarray(np.sqrt(squares / points))
