@@ -161,8 +161,8 @@ class Grid:
         """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
 
         points_mm: coordinates (x, y) of the points, (n, 2). The straight strip is a straight beam of constant width,
-        which is mapped to the rest shape. A point outside the specimen counts as in the block if it lies beyond a face
-        of the magnet that is also a face of the specimen.
+        which is mapped to the rest shape. If a face of the magnet is also a face of the specimen, a point beyond this
+        face counts as a point in the block.
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm

@@ -175,7 +175,8 @@ class System:
         """Yield the matrices of each group of elements unchanged, and keep those of elements at the rigid body.
 
         The rigid body is the magnet. An element is at the body if some of its nodes move with it; its matrix is
-        appended to ``tied``. Both uses are served by one pass, so that a group need not stay in memory.
+        appended to ``tied``. The matrices of a group are used for both purposes at once, so that they need not stay in
+        memory.
         """
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:

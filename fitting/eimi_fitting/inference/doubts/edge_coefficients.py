@@ -76,13 +76,12 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variances that C errors of the simulation cause in N polynomial coefficients, in mm^2, (N,).
+        """Return the variances of N polynomial coefficients due to C smooth errors of the simulation, in mm^2, (N,).
 
         The coefficients describe the residuals by polynomials along each edge. Row c of ``moves`` (C, N) has the
-        changes of the coefficients in mm whose errors are sought, such as the effect of a wrong scale. Only the root
-        mean square of a row in each experiment is used. How the error varies along the edge is unknown, but assumed
-        smooth. ``error`` has the variances by a smooth error of 1 mm, and is multiplied by the sum of the squares of
-        all rows.
+        changes of the coefficients by error c in mm. Only the size of the error, the root mean square in each
+        experiment, is used: how it varies along an edge is assumed unknown, but smooth. ``error`` has the variances by
+        a smooth error of 1 mm. It is multiplied by the square of the size, and the variances of all errors are added.
         """
         parts, first = [], 0
         for basis in self.bases:

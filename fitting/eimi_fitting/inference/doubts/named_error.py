@@ -51,8 +51,8 @@ def estimate_beside(
 ) -> Estimate | None:
     """Return the estimate of a fit with new intervals, in which residuals of the probable causes are not noise.
 
-    A cause is a possible error of the bench, such as a tilted camera. The module describes why its residuals should not
-    count as noise.
+    A cause is a possible error of the bench, such as a tilted camera. Its residuals are similar in many points. If they
+    counted as noise, the intervals would be far too wide or too narrow.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def estimate_beside(
     Returns
     -------
     Estimate or None
-        The estimate. None if ``before`` stays valid: no cause is probable that the fit has not taken into account, the
-        causes explain less than half of the mean error (`remaining_error_mm`), or one of the most probable causes is a
-        choice of the user: the law, or a planar model of a solid section.
+        The estimate, or None if ``before`` stays valid. This is so if the fit has taken all probable causes into
+        account, if the causes explain less than half of the mean error (`remaining_error_mm`), or if one of the most
+        probable causes is a choice of the user: the law, or a planar model of a solid section.
     """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:

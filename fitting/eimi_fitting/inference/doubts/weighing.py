@@ -253,7 +253,7 @@ class Weighing:
         base : int
             Index of the hypothesis. Its simulation is also used for the hypotheses with one cause more.
         rows : sequence of int
-            Indices of the exact inputs among all coefficients.
+            Indices of the exact inputs among all unknown numbers of the hypotheses.
 
         Returns
         -------

@@ -177,10 +177,10 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error in mm of a scan over moduli with loads corrected for the mistake ``cause``.
+    """Return the smallest error in mm that any modulus gives, with loads corrected for the mistake ``cause``.
 
-    ``alone`` is the fit of one dataset. The error is the mean over the states of the root mean square residual. It is
-    infinite if the mistake concerns no load of the dataset.
+    The error is the mean over the states of the root mean square residual, in one dataset (``alone``). It is infinite
+    if the mistake concerns no load of the dataset.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
