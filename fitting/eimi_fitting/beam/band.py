@@ -28,7 +28,7 @@ def bandwidth(dofs: Indices) -> int:
 
 
 def _most_contributions(numbers: Indices) -> int:
-    """Return how many elements contribute to the same entry of the assembled matrix, at most.
+    """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
     Each entry of an element's matrix is a contribution to an entry of the assembled matrix. The contributions to one
     entry are counted from 0, and ``numbers`` has these counts for all entries.

@@ -147,11 +147,11 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
     """Return the variance of the polynomial coefficients due to noise, in mm^2, (G, D).
 
-    D polynomials describe the residuals along each of G edges. ``remainder`` is the rest of the residuals, which gives
-    the level and the correlation of the noise. The stated uncertainty of the points is used instead for tracked points,
-    and if the rest has fewer than ten degrees of freedom. All tracked points of a state are assumed to have the same
-    error, which increases the variance of the constant polynomial. ``counts`` has the number of used points of each
-    edge in each state.
+    D polynomials describe the residuals along each of G edges. ``remainder`` is the part of the residuals that the
+    polynomials do not describe. It gives the level and the correlation of the noise. The stated uncertainty of the
+    points is used instead for tracked points, and if the remainder has fewer than ten degrees of freedom. All tracked
+    points of a state are assumed to have the same error, which increases the variance of the constant polynomial.
+    ``counts`` has the number of used points of each edge in each state.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())

@@ -226,8 +226,8 @@ class Weighing:
 
         A cause is a possible error of the bench, and ``cause`` is its index. Its size has one or more amplitudes, such
         as a shift in x and in y. Only those are returned that enter the reported value of the cause. ``rows`` are the
-        indices of the inputs among all coefficients, and ``amounts`` are their deviations. The difference between the
-        two effects is minimised by least squares, in units of the noise.
+        indices of the deviations among all unknown numbers, and ``amounts`` are their values. The difference between
+        the two effects is minimised by least squares, in units of the noise.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root

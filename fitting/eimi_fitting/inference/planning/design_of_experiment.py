@@ -386,9 +386,9 @@ def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
     """Return the weight w in 1/mm^2 of a simulated edge point, for the planning of a measurement.
 
     The information of a state is w times a sum over the simulated points. It should equal the information of the
-    measured points, which are more or fewer than the simulated points and of which one in ``noise.alike`` is
-    independent. w is therefore the number of independent measured points, divided by the number of simulated points and
-    by the variance of a measured point.
+    measured points. Their number is another one, and only one in ``noise.alike`` of them is independent. w is therefore
+    the number of independent measured points, divided by the number of simulated points and by the variance of a
+    measured point.
     """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 

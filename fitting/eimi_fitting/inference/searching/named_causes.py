@@ -134,7 +134,7 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return the probable mistakes in the stated loads, such as a reversed field; raise the mistake if it is too large.
+    """Return probable mistakes in the stated loads, such as a reversed field, or raise one that prevents a fit.
 
     Parameters
     ----------
