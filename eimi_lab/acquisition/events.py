@@ -357,7 +357,7 @@ class OffNotConfirmed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GuardianTookOver(Event):
-    """The guardian process begins to switch the coil off, because the run has died or stands still.
+    """The guardian process begins to switch the coil off: the run has died, stands still, or cannot do it itself.
 
     `takeover` is the reason why the guardian begins. `address` is the address of the supply.
     """
