@@ -441,7 +441,7 @@ def _listed(numbers: Sequence[float]) -> str:
 
 
 def _scale_quality(calibration: Calibration, source: str) -> str:
-    """Return a line for a person that says how the scale was measured, with its relative uncertainty."""
+    """Return a line of text for a person that says what the scale was measured on (`source`), and how accurately."""
     share = (calibration.uncertainty or {}).get("pixels_per_mm", math.nan) / calibration.pixels_per_mm
     return (
         f"scale from {source}: standard uncertainty {100.0 * share:.2g} %; a board in the beam's plane gives about "

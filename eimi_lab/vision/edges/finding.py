@@ -236,8 +236,8 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
 
     - in a colour picture, if the outline has any flag (failed quality check);
     - in a grey picture of a bright beam (`lit_beam`), if a flag of the outline makes the edges unusable;
-    - in a grey picture of a dark beam, only if the outline reaches the border of the picture. Such a picture was
-      probably taken in front of a back-light, where the silhouette gives the best edges.
+    - in a grey picture of a dark beam, only if the outline reaches the border of the picture. A grey picture of a dark
+      beam was probably taken in front of a back-light, where the silhouette gives the best edges.
     """
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:

@@ -225,8 +225,8 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
     """Return the corners of the beam's tip: two sharp turns of the outline about a width of the beam apart.
 
-    The result consists of the indices of the left and the right corner in `outline_mm`, and of the smaller angle
-    (degrees) by which the outline turns at a corner. Without corners, the result is None and 0.
+    The first result contains the indices of the left and of the right corner in `outline_mm`. The second result is the
+    angle (degrees) by which the outline turns at the less sharp corner. Without corners, the results are None and 0.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm

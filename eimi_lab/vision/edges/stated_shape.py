@@ -126,7 +126,7 @@ class StatedShape:
     def _edge_mm(self) -> Array:
         """Distances from the clamp, measured along the edge of a specimen whose width varies, mm.
 
-        They belong to the same places as the distances along the straight axis in `_along_mm`.
+        For each place of the specimen, `_along_mm` contains the distance along the straight axis instead.
         """
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])

@@ -175,7 +175,7 @@ def _shows_nothing(image: NDArray[Any]) -> str:
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Return advice on the clamp if an edge of the beam begins outside the picture, else an empty string."""
+    """Return advice on the clamp's position if an edge of the beam begins outside the picture, else an empty string."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():

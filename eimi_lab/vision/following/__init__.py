@@ -5,8 +5,8 @@ centre_line    an expected centre line: clicked by a person, or from an earlier 
 stated         clamp, axis, width and length of the beam in pixels, from calibration and specimen file
 in_picture     compute place and size of the beam in pixels, and scale grey values to 0 to 255
 working        cut the image to the reach of the beam, and scale the image to a given width of the beam
-reflections    remove narrow clipped reflections
-hypotheses     hypotheses where the beam continues, and how well the image supports each hypothesis
+reflections    remove narrow reflections of a lamp, in which the picture is saturated
+hypotheses     strips of the picture that may show the beam, and how well the image supports each strip
 beam_search    search for the strip of the picture that shows the beam, from the clamp outward
 unrolled       sample the image along the strip, so that the edges of the beam are nearly straight
 crossings      leave out bodies that cross the beam

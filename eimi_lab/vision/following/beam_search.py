@@ -289,7 +289,8 @@ def _best_strip(
     """Return the strip with the highest score, traced back to the clamp; None if no score is positive.
 
     A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges. `trail` contains the strips after each step of the search. The strip has at least `least` steps.
+    edges. `trail` contains the strips after each step of the search; the returned strip has at least `least` steps of
+    the length `step`, px. `width` and `earlier` are the same as for `_index_of_best`.
     """
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
@@ -313,11 +314,12 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the best strip in the last generation of the search (the strips after the last step).
+    """Return the index of the best strip among the strips after the last step of the search.
 
     A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges. If strips along several bodies have about the same score, the body nearest to the beam in the earlier picture
-    is chosen.
+    edges; the best strip has the highest score. If strips along several bodies have about the same score, the body
+    nearest to the beam in an earlier picture is chosen. `trail` contains the strips after each step. `earlier` returns
+    points of the beam in the earlier picture, px, or None. `width` is the nominal width of the beam, px.
     """
     score = trail[-1].strips.score
     best = int(score.argmax())

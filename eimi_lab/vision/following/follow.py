@@ -158,7 +158,7 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return the texts for the placeholders, such as {narrow_px}, in the remedy (advice) for a too narrow beam."""
+    """Return texts for the words in braces, such as {narrow_px}, in the advice on a beam that is too narrow to follow."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 

@@ -16,8 +16,8 @@ Three regions look like a shadow but belong to the beam: the thin rim of a trans
 board and, in perspective, a side face of the beam. The rim has nearly the colour of the beam, so that nearly the whole
 change of colour is at the outer border of the rim. The cut side has another hue than the surroundings. In these two
 cases the outer border is kept as the edge, and the width of the region is recorded in `Seams.shadow`. A camera that
-stands higher or lower than the beam always sees a side face, whose width follows from the depth of the beam. A region
-that is not wider than this face can appear belongs to the beam.
+stands higher or lower than the beam always sees a side face, whose width follows from the depth of the beam. A dark
+region therefore counts as a part of the beam if it is not wider than the side face.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 def _noise(pixels: NDArray[np.float32]) -> float:
     """Estimate the standard deviation of the noise of a colour channel, in grey levels.
 
-    The picture is filtered by the product of two second differences, one along the rows and one along the columns. This
+    The picture is filtered by second differences along the rows, and then by second differences along the columns. This
     filter removes smooth changes of the light, so that mainly noise remains (J. Immerkær, "Fast noise variance
     estimation", Computer Vision and Image Understanding 64 (1996) 300). The paper takes the mean of the absolute
     values. Here the median is taken, so that edges do not count as noise.
