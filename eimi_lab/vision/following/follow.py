@@ -158,7 +158,7 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return texts for the words in braces, such as {narrow_px}, in the advice on a beam that is too narrow to follow."""
+    """Return texts for the words in braces, such as {narrow_px}, in the advice on a beam too narrow to be followed."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
