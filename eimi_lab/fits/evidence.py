@@ -325,10 +325,10 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
-    """Return the indices of the usable states.
+    """Return the indices of the states (load steps) of a dataset that a fit can use.
 
-    A usable state has at least 10 points on each edge. A state with a serious flag (the name of a defect) is usable
-    only if `flagged` is true.
+    Such a state has at least 10 points on each edge. A state with a serious flag (the name of a defect) is used only if
+    `flagged` is true.
     """
     return [
         i

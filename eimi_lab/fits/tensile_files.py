@@ -98,7 +98,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 
 
 def read_tensile(path: Path) -> TensileTest:
-    """Read a tensile test from a file in one of the two formats that the module describes.
+    """Read a tensile test from a file with two columns, or from a file of the Soft Robotics Materials Database.
 
     Raises InputError, whose message gives the file, the row and the value.
     """
@@ -145,9 +145,10 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """Return the rows of a tensile test from a file of the database, and the name of the material.
+    """Return the rows of a tensile test in the Soft Robotics Materials Database, and the name of the material.
 
-    The name is in the lines above the header of the columns; it is None if these lines give no name.
+    `text` is the content of the file. The name is in the lines above the header of the columns; it is None if these
+    lines give no name.
     """
     columns: list[str] | None = None
     material, rows = None, []

@@ -206,8 +206,8 @@ class TimeOptimum:
     def load_step(self, sigma: float) -> Array:
         """Return how the m unknowns at the optimum change if the magnetic loads are larger than stated, (m,).
 
-        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. The magnetic loads are larger if
-        the mean of this prior is larger, here by ``sigma``.
+        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. For larger loads, this prior has
+        a larger mean, here by ``sigma``.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
@@ -298,7 +298,7 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 
 
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
-    """Return the optimum with the chosen number of terms, and all optima that were computed.
+    """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed.
 
     The problems have an increasing number of terms. Z is the probability density of the data for a number of terms
     (evidence). Terms are added as long as ln Z increases by at least 1. The smallest number of terms whose ln Z is

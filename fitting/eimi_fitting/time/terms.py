@@ -48,9 +48,10 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns for n terms, shape (1 + 2 n,).
+        """The prior means of the 1 + 2 n unknowns of a Prony series with n terms, shape (1 + 2 n,).
 
-        The module `time.terms` lists the unknowns.
+        The unknowns are logarithms: of the long-term modulus, of the n moduli of the terms relative to it, and of the n
+        relaxation times.
         """
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
@@ -58,9 +59,10 @@ class Terms:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n unknowns for n terms, shape (1 + 2 n,).
+        """The prior standard deviations of the 1 + 2 n unknowns of a Prony series with n terms, shape (1 + 2 n,).
 
-        The module `time.terms` lists the unknowns.
+        The unknowns are logarithms: of the long-term modulus, of the n moduli of the terms relative to it, and of the n
+        relaxation times.
         """
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
