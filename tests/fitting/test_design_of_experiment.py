@@ -41,8 +41,8 @@ def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | Non
 def test_the_exchange_finds_the_best_of_all_choices() -> None:
     """The exchange algorithm, which replaces one chosen state at a time, finds the best of 120 choices.
 
-    The choices are all choices of three states (coil currents) out of ten.
-    One uncertain input affects some states more than others, so that the choice matters.
+    The choices are all choices of three states (coil currents) out of ten. One uncertain input affects some states more
+    than others, so that the choice matters.
     """
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))

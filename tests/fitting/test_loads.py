@@ -32,10 +32,10 @@ def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0,
     """Return (rotation in rad, x and y in mm) at the tip of an inextensible elastic rod that is clamped at 0.
 
     The rod is one mm deep, so that forces are given in N/mm, for each mm of depth. couple: moment for each mm of length
-    (N/mm), a function of the rotation. dead: force (x, y) for each mm of length (N/mm²). pressure: pressure (N/mm²) on
-    the side below the rod, and the lengths (mm) between which it acts. A bent rod of finite width has a longer or
-    shorter lower side, by half the width times the curvature. force: force (x, y) at the tip (N/mm). end_couple: moment
-    at the tip (N), a function of the rotation of the tip.
+    (N/mm), a function of the rotation. dead: distributed force (x, y), for each mm of length (N/mm²). pressure:
+    pressure (N/mm²) on the side below the rod, and the lengths (mm) between which it acts. A bent rod of finite width
+    has a longer or shorter lower side, by half the width times the curvature. force: force (x, y) at the tip (N/mm).
+    end_couple: moment at the tip (N), a function of the rotation of the tip.
 
     The forces and the moment at the clamp are found by shooting, with the loads increased in five steps.
     """

@@ -341,7 +341,7 @@ def test_dark_frame_and_flat_field(run: Run, files: Path, frame: Draw) -> None:
 
 
 def test_dark_frame_and_flat_field_are_stored_with_the_frames(run: Run, files: Path) -> None:
-    """A flat field is stored in the dataset, and corrects the frames whenever their edges are found again.
+    """A flat field (an image of the uneven light) is stored, and corrects the frames whenever edges are found in them.
 
     The pixels of this test differ in brightness, so that the edges are different without the correction.
     """
