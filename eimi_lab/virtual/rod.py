@@ -258,7 +258,10 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the time derivative of `strain` for the coordinates z (n,) and their rates speed (n,), 1/s."""
+        """Return the time derivative of the forces that `strain` returns, in 1/s, shape (n,).
+
+        ``z`` (n,) contains the coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
+        """
         rate, stretch = speed.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, bending = self._bends @ z[:_BENDING], self._bends @ speed[:_BENDING]
         stretched, stretching = self._stretches @ z[stretch], self._stretches @ speed[stretch]

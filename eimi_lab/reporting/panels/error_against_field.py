@@ -80,7 +80,10 @@ def drawn_errors(predictions: Sequence[Prediction[ShownFit]]) -> Drawing:
 
 
 def _draw_differences(axes: Axes, predictions: Sequence[Prediction[ShownFit]], x: Array) -> None:
-    """Draw the error of each fit minus the error of the first fit, in µm."""
+    """Draw, for each state of a dataset, the error of each fit minus the error of the first fit, in µm.
+
+    `x` contains the places of the states on the axis.
+    """
     axes.axhline(0, color=predictions[0].fitted_law.colour, linewidth=1.1)
     for s in predictions[1:]:
         law = s.fitted_law

@@ -107,7 +107,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
         (P,) limits: infinity if no unstable deformation was found, 0 if the candidate is unstable at rest.
     """
     levels = np.log(largest_stretch)[:, None] * np.arange(1, _LEVELS + 1) / _LEVELS
-    stable = np.stack([_stable_level(law, parameters, levels[:, i]) for i in range(_LEVELS)], axis=1)
+    stable = np.stack([_is_stable_at(law, parameters, levels[:, i]) for i in range(_LEVELS)], axis=1)
     limit = np.where(law.initial_shear_modulus(parameters) > 0, np.inf, 0.0)
     unstable = np.flatnonzero((limit > 0) & ~stable.all(axis=1))
     first = np.argmin(stable[unstable], axis=1)
@@ -115,13 +115,13 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     low = np.where(first > 0, levels[unstable, first - 1], 0.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        holds = _stable_level(law, parameters[unstable], middle)
+        holds = _is_stable_at(law, parameters[unstable], middle)
         low, high = np.where(holds, middle, low), np.where(holds, high, middle)
     limit[unstable] = np.exp(low)
     return np.asarray(limit)
 
 
-def _stable_level(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
+def _is_stable_at(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
     """Return whether each of P candidate laws is stable in all tested deformations with a given largest stretch, (P,).
 
     largest: the logarithm of this stretch for each candidate law, (P,).

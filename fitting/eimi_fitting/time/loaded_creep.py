@@ -285,8 +285,8 @@ def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> l
     """Return the times in s at the ends of the integration steps between two changes of the load.
 
     ``first`` and ``last`` are the times of the two changes. The steps are short just after ``first``, where the beam
-    moves fast, and become longer. The times in ``wanted``, at which the rotation is needed, are among the ends. After
-    the last change of the load (``is_last``), the steps are shorter.
+    moves fast, and become longer. The times in ``wanted``, at which the rotation is needed, are among the ends. There
+    are more steps if ``first`` is the last change of the load (``is_last``); ``last`` is then the end of the recording.
     """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE

@@ -254,9 +254,10 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of ln(modulus) of P candidate laws, (P, 1), from the computed rotations of the tip.
+        """Return the residual of the static states for P candidate laws, (P, 1), from the computed rotations of the tip.
 
-        rotations: for each run, the rotations when the edges of its states were measured, (P, states) in rad.
+        It is the deviation of ln(modulus), divided by its standard uncertainty. rotations: for each run, the rotations
+        when the edges of its states were measured, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
