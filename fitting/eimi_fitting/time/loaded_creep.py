@@ -203,7 +203,7 @@ class CreepHistories:
         """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
 
         instantaneous_Pa: instantaneous shear modulus of each candidate, (P,). series: a Prony series for each
-        candidate. load_factor: factor on the moments of all loads, for each candidate, (P,).
+        candidate. load_factor: factor on the part of the moments that the field causes, for each candidate, (P,).
         """
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]

@@ -60,9 +60,10 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 
 
 class RingTable:
-    """The complex frequencies of a specimen, for any equilibrium modulus near ``middle_Pa`` and for any relaxation.
+    """The complex frequencies of a specimen, for any equilibrium modulus near ``middle_Pa`` and any Prony series.
 
-    The equilibrium modulus is the shear modulus with which the equilibrium is computed; see the module `time.ringing`.
+    The equilibrium modulus is the shear modulus with which the static equilibrium is computed. A Prony series gives the
+    ratio of the modulus in a vibration to the equilibrium modulus.
 
     Parameters
     ----------

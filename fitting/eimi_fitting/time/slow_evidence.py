@@ -254,7 +254,7 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of the static states for P candidate laws, (P, 1), from the computed rotations of the tip.
+        """Return the residual of the static states for P candidate laws, (P, 1), from the rotations of the tip.
 
         It is the deviation of ln(modulus), divided by its standard uncertainty. rotations: for each run, the rotations
         when the edges of its states were measured, (P, states) in rad.
