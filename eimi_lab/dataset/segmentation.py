@@ -261,7 +261,10 @@ def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """Return the frames of a dataset. A worker process opens the dataset only once for all states (load steps)."""
+    """Open a dataset and return the mean images of its states (load steps); a second call returns the same object.
+
+    A worker process, which searches the edges of many states, therefore opens the dataset only once.
+    """
     return Frames(open_dataset(path))
 
 
@@ -289,7 +292,8 @@ def _edges_in(
 ) -> EdgeSet:
     """Find the edges in the mean image of a state (load step), within the region of interest of the calibration.
 
-    The flags of the result are the defects of the image. The flags of the run are not added.
+    The flags (names of defects) in the result are those that the search found in the image. The flags that the dataset
+    already contains from the run are not added.
 
     Parameters
     ----------

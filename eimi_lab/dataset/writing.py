@@ -415,7 +415,7 @@ class DatasetWriter:
             )
 
     def _keep_the_name(self) -> None:
-        """Continue in a copy of the file if the path no longer leads to the file.
+        """Let the writer continue in a copy of its file if another program deleted, moved or replaced the file.
 
         Raises StorageFailed if the file cannot be copied or written.
         """

@@ -333,7 +333,7 @@ class AravisCamera:
         Returns
         -------
         Frame or None
-            None if the frame is incomplete. The method then adds 1 to the count of the reason.
+            None if the frame is incomplete. The method then counts it in `lost_frames`.
 
         Raises
         ------
@@ -364,7 +364,7 @@ class AravisCamera:
             aravis.stream_push_buffer(self._stream, buffer)
 
     def _numbered(self, identifier: int) -> int:
-        """Convert the frame number of the camera into a number that never begins again, and count the lost frames.
+        """Convert the frame number of the camera into a number that always increases, and count the lost frames.
 
         The camera counts up to `LARGEST_ID` and then begins at 1 again. The frames whose numbers are missing before
         this frame are counted in `lost_frames`.

@@ -240,8 +240,9 @@ class AimTtiDialect:
     def _note_limits(self) -> None:
         """Update the supply's limit event status register, from which a program reads limits and trips.
 
-        One bit says that the voltage limits the output, and another bit that the current does. A third bit says that a
-        protection has tripped (switched the output off); it is set only at the first call after the trip.
+        One bit says that the voltage limits the output, and another bit that the current does. Two further bits say
+        that the over-voltage or the over-current protection has tripped (switched the output off). Such a bit is set
+        only at the first call after the trip.
         """
         supply = self.supply
         if supply.output_on():

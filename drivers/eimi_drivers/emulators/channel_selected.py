@@ -80,7 +80,7 @@ class _ChannelSelected(ScpiDialect):
         )
 
     def _apply_to(self, argument: str) -> bool:
-        """Obey APPLy: select the channel in the argument and set its voltage (V) and current (A).
+        """Obey the command APPLy: select the channel in the argument and set its voltage (V) and current (A).
 
         Return whether the supply accepted the command.
         """
