@@ -1,4 +1,4 @@
-"""Discovery names the terms of a law if the data determine them, and says "not identifiable" otherwise."""
+"""The search for the terms of a law names the terms if the data determine them, and else says "not identifiable"."""
 
 from __future__ import annotations
 

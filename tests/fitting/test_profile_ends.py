@@ -38,7 +38,10 @@ def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[
 
 
 def quadratic(half: float) -> Callable[[Array], Array]:
-    """Return a deviance of one coordinate: a parabola that is 4 at the distance `half` from the optimum."""
+    """Return a deviance of one coordinate: a parabola that is 4 at the distance `half` from the optimum.
+
+    The deviance is twice the decrease of the log-likelihood from its maximum.
+    """
     return lambda away: 4.0 * (away / half) ** 2
 
 

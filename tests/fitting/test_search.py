@@ -69,7 +69,11 @@ def test_one_run_ends_near_the_optimum_and_reports_why_it_stopped(n, seed):
 
 
 def test_discarded_candidates_are_counted_in_each_generation_and_left_out_of_its_mean():
-    """Candidates with a first coordinate above 0.5 have no equilibrium, or the law is unstable if it is above 0.6."""
+    """Discarded candidates (sets of parameters) are counted in each generation, and left out of its mean error.
+
+    In this test, a candidate has no equilibrium if its first coordinate is above 0.5 and at most 0.6. If the coordinate
+    is above 0.6, its law is unstable.
+    """
 
     @dataclass(frozen=True)
     class Parted(Values):

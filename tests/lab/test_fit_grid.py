@@ -338,7 +338,10 @@ def test_a_checkpoint_that_cannot_be_resumed_is_refused_in_one_line(beams: Path,
 
 
 def test_a_checkpoint_of_another_processor_is_resumed(beams: Path, tmp_path: Path, run: Run) -> None:
-    """A fit continues from a checkpoint whose last digits differ, because another processor rounds differently."""
+    """A fit continues from a checkpoint (the log of an interrupted fit) whose last digits differ.
+
+    Another processor, on which the log was written, rounds differently.
+    """
     log, output = tmp_path / "log.jsonl", tmp_path / "fits.json"
     fit = ["fit", beams / "first.h5", "--model", "neo-hookean", "-o", output, "--checkpoint", log]
     assert run(*fit)[0] == 0

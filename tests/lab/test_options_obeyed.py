@@ -61,7 +61,10 @@ def test_this_file_contains_another_value_for_every_option_of_a_fit() -> None:
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_checkpoint_is_not_continued_with_another_option(curve: Path, tmp_path: Path, name: str) -> None:
-    """A fit does not continue from a checkpoint with another value of an option: each option changes the search."""
+    """A fit does not continue from a checkpoint (the log of an interrupted fit) with another value of an option.
+
+    Each option changes the search.
+    """
     before = FitOptions(tensile=[Path("curve.csv")]) if name in ("tensile_window", "tensile_weight") else FitOptions()
     after = options(**{name: OTHERS[name]})
     assert before.head() != after.head()

@@ -41,7 +41,10 @@ def own(files: Path, frame: Callable[..., Any]) -> Path:
 
 
 def test_the_first_guess_of_a_calibration_puts_the_beam_into_the_upper_part_of_the_picture(own: Path) -> None:
-    """The guess is that the picture is 60 mm high, and that the beam hangs from a point at 1/6 of the height."""
+    """The first guess of a calibration is that the picture is 60 mm high, with the clamp of the beam near its top.
+
+    The clamp is at 1/6 of the height, and the beam hangs from it.
+    """
     assert opened(own) == {
         "pictures": ["p_2.png", "p_10.png", "p_11.png"],
         "size_px": [128, 96],
