@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -42,6 +43,7 @@ ACCEPTED = Path(__file__).parent
 
 def check(lines: list[str], name: str, folder: Path) -> None:
     """Assert that the lines agree with the accepted description `name`; write the new description into the folder."""
+    lines = [line.replace(version("eimi-lab"), "VERSION") for line in lines]
     (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     accepted = (ACCEPTED / name).read_text(encoding="utf-8").splitlines() if (ACCEPTED / name).exists() else []
     wrong = differences(lines, accepted)
