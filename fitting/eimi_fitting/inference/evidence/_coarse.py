@@ -17,20 +17,12 @@ POINTS_OF_EDGE = 25  # about two for each element
 
 
 def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with the default mesh of `BeamModel`, which is coarse.
-
-    Measurements and loads are unchanged.
-    """
+    """Return the experiments with a coarse finite-element mesh of the beam."""
     return tuple(dataclasses.replace(e, model=BeamModel(e.model.specimen, plane=e.model.plane)) for e in experiments)
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments as the search uses them: with a coarse mesh and with fewer points of each edge.
-
-    The mesh is the default mesh of `BeamModel`. If the longest edge has 50 points or more, it keeps at least 25 of them
-    (`POINTS_OF_EDGE`), which are equally spaced. The other edges are reduced by the same factor. If the longest edge
-    has fewer than 50 points, all points are kept.
-    """
+    """Return the experiments with a coarse finite-element mesh and fewer points of each edge, for a fast search."""
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 

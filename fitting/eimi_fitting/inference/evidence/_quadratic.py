@@ -12,14 +12,12 @@ Array = NDArray[np.float64]
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
     """Return the step from a point to the minimum of a quadratic function within the unit cube.
 
-    The step d minimises g' d + d' H d / 2 with the gradient g and the Hessian H. All coordinates of the point plus d
-    are within 0..1. The step is computed by bounded-variable least squares (Stark and Parker 1995, Comput.
-    Statist. 10:129).
+    The step d minimises g' d + d' H d / 2, where g is the gradient and H the Hessian matrix.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The point, in unit coordinates from 0 to 1.
+        The point; each of its n coordinates is from 0 to 1.
     gradient : ndarray, shape (n,)
         The gradient g at the point.
     hessian : ndarray, shape (n, n)

@@ -54,11 +54,11 @@ class Refinement:
     Parameters
     ----------
     name : str
-        Name of the refinement in a result.
+        Name of the better model in a result.
     better : callable
         Takes an experiment and returns the experiment with the better model.
     remaining_share : float
-        Error of the optimum that remains with the better model, as a share of the change of the optimum by this model.
+        Estimated error of the parameters with the better model, as a share of their change by this model.
     doubt : str
         Text of the warning about a fit for which the better model finds no equilibrium.
     """
@@ -86,10 +86,7 @@ FINER_MESH = Refinement(
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the three-dimensional model of a specimen together with its planar model.
-
-    The three-dimensional model has 20 elements along the beam and 2 to 4 elements across.
-    """
+    """Return the three-dimensional model of a specimen together with its planar model."""
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -100,11 +97,7 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar beam model that the Gauss-Newton method uses after the search.
-
-    If the section is "solid", the planar model has the mesh of the three-dimensional model. Otherwise the experiment
-    keeps its model.
-    """
+    """Return the experiment with the planar beam model for the final steps of a fit, after the first search."""
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -127,33 +120,29 @@ SOLID = Refinement(
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the better beam models (refinements) that the experiments need.
-
-    An experiment with the section "solid" needs the three-dimensional model of the beam, and any other experiment needs
-    a planar model with a finer mesh.
-    """
+    """Return the better beam models (a finer mesh, a three-dimensional model) that the experiments need."""
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of one candidate by a better beam model, for K states.
+    """The change of the residuals of a fit (measured minus simulated positions) by a better beam model.
 
     Parameters
     ----------
     refinement : Refinement
-        The finer mesh or the three-dimensional model.
+        The better beam model: a finer mesh or a three-dimensional model.
     changes : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals of the better model minus the residuals of the earlier model in mm, for G
-        groups (edges, or x and y) of m points in K states.
+        For each experiment, the residuals of the better model minus those of the earlier model, in mm: K load cases, G
+        groups of points (two edges, or x and y) and m points.
     better : Comparison
         Comparison of the better model with the measurements.
     models : tuple of Model
         The better model of each experiment.
     effects : tuple of DepthEffect or None
-        For each experiment, the displacements of the three-dimensional model minus the displacements of the planar
-        model (the depth effect). None if the better model is planar.
+        For each experiment, the displacements of the three-dimensional model minus those of the planar model. None if
+        the better model is planar.
     """
 
     refinement: Refinement
@@ -163,14 +152,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return the correction (by a better beam model) without the simulated shapes, which need much memory."""
+        """Return this correction without the simulated shapes of the beam, which need much memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with this correction, which is added to earlier corrections.
-
-        A correction is a change of the residuals in mm, by which a better model differs from the model of the search.
-        """
+        """Return the experiments with this change of their residuals (in mm), added to earlier changes."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -180,21 +166,21 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments with a ``change`` that turns a candidate's residuals into residuals of a better model.
+    """Return the experiments with a correction that reproduces the residuals of a better beam model.
 
     Parameters
     ----------
     better : Comparison
-        Comparison of the candidate on the better model.
+        Comparison of the better model with the measurements.
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        Comparison of the candidate on the models of the experiments, including earlier changes of the residuals.
+        Comparison of the present model, with its earlier corrections, for the same parameters of the law.
 
     Returns
     -------
     tuple of Experiment
-        The experiments with their new changes.
+        The experiments with their new corrections.
     """
     return tuple(
         replace(e, change=(0.0 if e.change is None else e.change) + finer.residuals[0] - plain.residuals[0])
@@ -210,27 +196,27 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """Compute the change of the residuals of a candidate by a better beam model (refinement).
+    """Compute the change of the residuals (measured minus simulated positions) by a better beam model.
 
     Parameters
     ----------
     refinement : Refinement
-        The finer mesh or the three-dimensional model.
+        The better model: a finer mesh or a three-dimensional model.
     experiments : sequence of Experiment
         The experiments.
     here : Comparison
-        Comparison of the candidate on the models of the experiments. Further candidates of this comparison are ignored.
+        Comparison of the present model with the measurements. Only its first set of parameters is used.
     compare : callable
-        Takes experiments and returns the comparison of the candidate with these experiments.
+        Takes experiments and returns their comparison with the measurements for the same parameters.
     near : sequence of Correction
-        Corrections of similar candidates. The solver of a three-dimensional model starts from their displacements.
+        Corrections for similar parameters, from which the solver of a three-dimensional model starts.
     options : SolidOptions, optional
         Options of the solver of a three-dimensional model.
 
     Returns
     -------
     Correction or None
-        The correction; None if the model of an experiment or its better model finds no equilibrium.
+        The correction; None if one of the models finds no equilibrium.
     """
     options = options or SolidOptions()
     refined = [refinement.better(e) for e in experiments]
@@ -259,20 +245,18 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate a candidate with a better model of one experiment: a finer mesh or a three-dimensional model.
-
-    A candidate is one set of values of the unknowns of a fit.
+    """Simulate one experiment with a better beam model: a finer mesh or a three-dimensional model.
 
     Parameters
     ----------
     experiment : Experiment
         The experiment.
     here : Comparison
-        Comparison of the candidate on the model of the experiment. Further candidates of this comparison are ignored.
+        Comparison of the present model with the measurements. Only its first set of parameters is used.
     compare : callable
-        Takes experiments and returns the comparison of the candidate with these experiments.
+        Takes experiments and returns their comparison with the measurements for the same parameters.
     near : sequence of Correction
-        Corrections of similar candidates. The solver of a three-dimensional model starts from their displacements.
+        Corrections for similar parameters, from which the solver of a three-dimensional model starts.
     options : SolidOptions, optional
         Options of the solver of a three-dimensional model.
 
@@ -280,11 +264,10 @@ def by_better_model(
     -------
     tuple or None
         The residuals of the better model, the edges of the beam, and the correction. The edges have the shape
-        (K, 2, S, 3, 2): K states, two edges, S quadratic segments, three points, x and y in mm.
+        (K, 2, S, 3, 2): K load cases, two edges, S quadratic segments, three points, x and y in mm.
 
-        If a finer mesh finds no equilibrium, the residuals and edges of the mesh of the experiment are returned, with
-        None as correction. If a three-dimensional model or the model of the experiment finds no equilibrium, the result
-        is None.
+        If a finer mesh finds no equilibrium, the residuals and edges of the present mesh are returned, with None as
+        correction. If a three-dimensional model or the present model finds no equilibrium, the result is None.
     """
     if here.unconverged[0]:
         return None

@@ -32,7 +32,7 @@ TOLERANCE_MM = (
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen under K loads (the states), with the measurements of every state.
+    """One specimen under K load cases (states), with the measurements of each load case.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ class Experiment:
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points of the K states.
     change : ndarray, shape (K, G, m), optional
-        Change of the residuals in mm by a better beam model, in G groups (edges, or x and y) of m points. The change is
-        added to the residuals (`inference.evidence.corrections`).
+        Correction by a better beam model, in mm, for m points in each of G groups (edges, or x and y). It is added to
+        the residuals (measured minus simulated positions).
     solid : SolidBeside, optional
         The three-dimensional model that is solved instead of ``model``.
     solid_options : SolidOptions, optional
@@ -52,10 +52,9 @@ class Experiment:
     stated : tuple of StatedSource
         The standard uncertainties of the inputs that the files specify.
     measured : mapping of str to tuple of float
-        Deviations of the specimen from its stated values that were measured, and that ``model`` already contains. Each
-        key is the name of an uncertain input (a source, a key of `SOURCES`), such as "taper". Each value has one
-        number for each part of this source, in the unit of the source. The source "taper" has one more number: the
-        width at both ends minus the width in the middle, in mm.
+        Measured deviations of the specimen from its specified values, which ``model`` already contains. Each key is the
+        name of an input, such as "taper", and each value has the numbers of this input in its unit. For "taper" one
+        more number follows: the width at both ends minus the width in the middle, in mm.
 
     Examples
     --------
@@ -82,11 +81,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The beam model that a simulation solves: ``solid`` if it is given, else the planar model."""
+        """The beam model that is solved: the three-dimensional model if there is one, else the planar model."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with only the states of the indices ``states``; an index may occur more than once."""
+        """Return the experiment with only the load cases of the given indices."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -95,12 +94,9 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return the misfit of this experiment, from the misfit of an experiment that differs only in its correction.
+        """Replace the correction of ``before`` in the residuals by the correction of this experiment.
 
-        The misfit contains the residuals, the distances of the measured points from the simulated beam. They are
-        computed with a simple beam model. The correction ``change`` is then added, so that they become the residuals of
-        a better model. ``misfit`` has the residuals for the experiment ``before``. Its correction is subtracted, and
-        the correction of this experiment is added, without another simulation.
+        A correction is the change of the residuals (in mm) by a better beam model.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -108,17 +104,14 @@ class Experiment:
         return self.observed.of_residuals(misfit.residuals + difference)
 
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
-        """Return the experiment with deviations of its inputs from their stated values.
-
-        The rest positions of tracked points keep their places on the specimen: they move with its length, width, depth
-        and rest shape. The measured displacements of these points stay the same.
+        """Return the experiment with changed inputs, such as another width or another coil constant.
 
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            For each uncertain input, such as the width (a key of `SOURCES`), the deviation of each of its parts, in
-            the unit of the input. Inputs that change only the strength of the field or the position of the picture are
-            ignored (`Setup` contains their effect).
+            For each changed input, such as "width", the deviation of each of its numbers from the specified value, in
+            the unit of the input. Inputs that change only the strength of the field or the position of the picture have
+            no effect here.
 
         Returns
         -------
@@ -163,27 +156,25 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of P candidates with the measurements of all experiments.
+    """Comparison of P simulations with the measurements of all experiments.
 
-    A candidate is a set of parameters of the law, and of values for the uncertain inputs that are fitted together with
-    the law, such as the width of the specimen or the field.
+    Each simulation uses another set of parameters of the law (a candidate). Its uncertain inputs, such as the width of
+    the specimen, may be different too.
 
     Parameters
     ----------
     unconverged : ndarray of bool, shape (P,)
-        Whether the solver finds no equilibrium of a candidate in at least one state.
+        Whether the solver finds no equilibrium in at least one load case.
     unstable : ndarray of bool, shape (P,)
-        Whether a candidate has equilibria in all states but its law is unstable in at least one state.
+        Whether there is an equilibrium in all load cases, but the law is unstable in at least one of them.
     max_stretch : ndarray, shape (P,)
-        Largest stretch in the beam over all states, for each candidate.
+        Largest stretch in the beam over all load cases.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if the candidates differ in the specimen or in the loads,
-        because their meshes may then differ too.
+        Simulated shapes of the beam in each experiment. Empty if the candidates differ in the specimen or in the loads.
     misfits : tuple of Misfit
-        Residuals (distances of measured from simulated points) of the candidates in each experiment.
+        Distances of measured from simulated points in each experiment.
     near : tuple of Shapes
-        Shapes from which the solver can start later, for similar candidates, in each experiment. They are the shapes of
-        the first candidate and of those other candidates that have the same specimen and the same loads.
+        Shapes in each experiment from which the solver can start later, for similar parameters.
     """
 
     unconverged: NDArray[np.bool_]
@@ -195,28 +186,30 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of measured from simulated points in mm, for P laws in K states, (P, K)."""
+        """Root mean square distance of measured from simulated points in mm, shape (P, K).
+
+        There are P sets of parameters and K load cases.
+        """
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the distances of measured from simulated points in mm, (P, K).
+        """Standard deviation of the distances of measured from simulated points in mm, shape (P, K).
 
-        There are P candidate laws and K states.
+        There are P sets of parameters and K load cases.
         """
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean over all states of the root mean square distance of measured from simulated points, (P,) in mm.
+        """Root mean square distance of measured from simulated points in mm, averaged over all load cases, shape (P,).
 
-        There are P candidate laws. The value is a very large number (`DISCARDED_MM`) for a candidate without an
-        equilibrium or with an unstable law.
+        It is a very large number for a set of parameters without an equilibrium or with an unstable law.
         """
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the comparison with the measurements for only the candidates (sets of parameters) ``rows``."""
+        """Return the comparison with the measurements for only the sets of parameters with the indices ``rows``."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -228,7 +221,7 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Return one comparison of all candidates from the comparisons of groups of candidates.
+    """Join the comparisons of several groups of candidates (sets of parameters) into one comparison.
 
     Parameters
     ----------
@@ -238,8 +231,7 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
     Returns
     -------
     Comparison
-        All candidates in the order of their indices. The shapes are omitted if there are several groups, because the
-        meshes may differ.
+        All candidates in the order of their indices. The shapes are omitted if there are several groups.
     """
     if len(parts) == 1:
         return parts[0][1]
@@ -272,36 +264,33 @@ def compare(
     keep: bool = False,
     seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
-    """Simulate candidate laws in all experiments, and compute the distances between simulation and measurement.
+    """Simulate all experiments with several laws, and compute the distances between simulation and measurement.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of P candidate laws, in the order and units of the law.
+        P sets of the n parameters, in the order and units of the law.
     experiments : sequence of Experiment
         The experiments.
     bulk_modulus_Pa : ndarray, shape (P,), optional
         Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        For each experiment, two quantities that may be different for each candidate: a factor on the field, and the map
-        from true positions to positions in the picture. By default both have their stated values.
+        For each experiment, the factor on the field and the position of the picture; the specified values by default.
     near : sequence of Shapes
-        For each experiment, shapes from an earlier call with ``keep``. The solver starts from the shape of the first
-        candidate of that call.
+        For each experiment, shapes from an earlier call with ``keep``, from which the solver starts.
     keep : bool
-        Keep the full solution of the first candidate as a start for later calls.
+        Keep the full solution of the first set of parameters as a start for later calls.
     seen : sequence of (ndarray, sequence of mapping), optional
-        The lens of every candidate, for fits that determine properties of the lens. Candidates with the same lens form
-        a group. A group has the indices of its candidates and one mapping for each experiment: from a property of the
-        lens (a key of `SOURCES`) to its deviation from the stated value. By default all candidates have the stated
-        lens.
+        Groups of parameter sets with the same lens. Each group has the indices of its sets, and one mapping for each
+        experiment from a property of the lens to its deviation from the specified value. By default all sets have the
+        specified lens.
 
     Returns
     -------
     Comparison
-        The comparison of the P candidate laws.
+        The comparison of the P sets of parameters.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)
@@ -332,11 +321,7 @@ def _misfit(
     setup: Setup | None,
     seen: Sequence[tuple[NDArray[np.intp], Mapping[str, Array]]],
 ) -> Misfit:
-    """Return the distances of the measured points from the edges of all simulated sets of unknowns (candidates).
-
-    Candidates with the same lens form a group. ``seen`` has, for each group, the indices of its candidates and the
-    deviations of the lens; the edges are projected with this lens.
-    """
+    """Return the distances of the measured points from the simulated edges or points."""
     model, change = experiment.solved, experiment.change
     if len(seen) < 2:
         through = experiment.under(seen[0][1]) if seen else experiment
@@ -359,11 +344,8 @@ def _solved(
     near: Configuration | None,
     keep: bool,
 ) -> Shapes:
-    """Return the simulated shapes of all candidates (sets of values of the unknowns).
-
-    Candidates with the same law and the same field have the same shape, even if they assume different positions of the
-    camera. Only one of them is solved.
-    """
+    """Return the simulated shapes of the beam for all sets of parameters."""
+    # candidates that differ only in the position of the camera have the same shape; one of them is solved
     solved = row = np.arange(len(parameters))
     if setup is not None:
         bulk = np.zeros(len(parameters)) if bulk_modulus_Pa is None else bulk_modulus_Pa

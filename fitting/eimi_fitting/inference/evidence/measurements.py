@@ -52,11 +52,6 @@ __all__ = [
 def signed_distance(curves: Array, points: Array) -> Array:
     """Return the signed distances of points from curves that are continued straight beyond their ends.
 
-    A curve is continued at each end by a twentieth of its length. The distance of a point is computed in two steps.
-    First, the curve is sampled with four places on each segment, and the place nearest to the point gives the segment.
-    Then three steps of Newton's method find the place on the parabola of this segment at which the vector to the point
-    is perpendicular to the curve.
-
     Parameters
     ----------
     curves : ndarray, shape (..., S, 3, 2)
@@ -82,10 +77,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the signed distances, (b, n) in mm, of n points (b, n, 2) from each of b curves (b, S, 3, 2).
-
-    A curve has S quadratic segments. The sign is positive to the left of the direction of the curve.
-    """
+    """Return the signed distances of points from curves in mm, positive to the left of the direction of the curve."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
@@ -99,12 +91,8 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return the vector in ``of_segment`` that belongs to the segment nearest to each point: x (b, n) and y (b, n).
-
-        ``of_segment`` (b, S, 2) has one vector for each of the S segments of b curves, such as the middle of the
-        segment. There are n points for each curve. x and y are separate arrays, because operations on an array with an
-        axis of length two are slower.
-        """
+        """Return the vector that belongs to the segment of the curve nearest to each point, as its x and its y."""
+        # two arrays, because operations on an axis of length two are slower
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
 
@@ -114,17 +102,13 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each measured point to the place ``xi`` on a curve, and the tangent of the curve.
-
-        The curve is the quadratic segment nearest to the point. ``xi`` is -1 at the first of the three points of the
-        segment, 0 at the second and 1 at the third. The results are x and y of the vector, then x and y of the tangent,
-        (b, n) each.
-        """
+        """Return the vector from each point to a place on the curve, and the tangent there: x and y of each."""
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
         return gap_x, gap_y, tangent_x, tangent_y
 
+    # Newton's method: the vector to the point becomes perpendicular to the curve
     for _ in range(3):
         gap_x, gap_y, tangent_x, tangent_y = at(xi)
         curvature = tangent_x**2 + tangent_y**2 + gap_x * bend_x + gap_y * bend_y
@@ -141,21 +125,17 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Distances of measured points from simulated edges or points (residuals), with the error of each state.
-
-    P candidate laws are compared with the measurements in K states.
+    """Distances of measured points from the simulated beam (residuals), for P sets of parameters and K load cases.
 
     Parameters
     ----------
     residuals : ndarray, shape (P, K, G, n)
-        Residuals in mm of G groups of n points. The groups are left and right edge, or the components x and y of
-        tracked points. Neighbours in a group may be correlated.
+        Residuals in mm of G groups of n points. The groups are left and right edge, or x and y of tracked points.
     weights : ndarray, shape (K, G, n)
-        Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each component of a tracked
-        point. The error of a state satisfies error_mm^2 = sum(residuals^2) / sum(weights).
+        Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each of x and y of a tracked
+        point.
     error_mm, deviation_mm : ndarray, shape (P, K)
-        Root mean square distance (``error_mm``) and standard deviation of the distances without sign
-        (``deviation_mm``), in mm, for each candidate in each state.
+        Root mean square distance and standard deviation of the distances without sign, in mm.
     """
 
     residuals: Array
@@ -164,12 +144,12 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the misfit (distances of the measured points) of only the candidate laws with the indices ``rows``."""
+        """Return the distances of the measured points for only the sets of parameters with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the misfits (distances of the same measured points) of several groups of candidate laws into one misfit."""
+    """Join the distances of the same measured points for several groups of parameter sets."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -180,7 +160,7 @@ def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
 
 @dataclass(frozen=True)
 class EdgeObservation:
-    """Measured left and right edges of K states.
+    """Measured left and right edges of the beam in K load cases.
 
     Parameters
     ----------
@@ -189,15 +169,15 @@ class EdgeObservation:
     sigma_mm : ndarray, shape (K, 2, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     view : View, optional
-        Perspective of the lens. None if the lens is telecentric or if no file specifies the stand-off of the lens.
+        Perspective of the lens. None if the lens is telecentric or if no file specifies its distance from the beam.
     noise_mm : ndarray, shape (K, 2, n), optional
-        Standard deviation of the noise of each point in mm. It does not contain the uncertainty that was added to
-        ``sigma_mm`` for defects of the picture (flags). The checks of a fit compare the residuals with ``noise_mm``.
+        Standard deviation of the noise of each point in mm, without the uncertainty that is added in ``sigma_mm`` for
+        defects of the picture.
 
     Examples
     --------
-    One state, with two points on the left edge and three on the right edge. The standard uncertainty of each point is
-    5 µm:
+    One load case, with two points on the left edge and three on the right edge. The standard uncertainty of each point
+    is 5 µm:
 
     >>> import numpy as np
     >>> left, right = np.array([[5.0, -1.5], [9.0, -1.5]]), np.array([[5.0, 1.5], [7.0, 1.5], [9.0, 1.5]])
@@ -218,7 +198,7 @@ class EdgeObservation:
         Parameters
         ----------
         edges : sequence of tuple of ndarray
-            For each state, the points of the left edge (n, 2), their standard uncertainties (n,), the points of the
+            For each load case, the points of the left edge (n, 2), their standard uncertainties (n,), the points of the
             right edge (m, 2) and their standard uncertainties (m,), all in mm.
         view : View, optional
             Perspective of the lens.
@@ -238,28 +218,28 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """Return the observation with the states that have the indices ``states``."""
+        """Return the measured edges of only the load cases with the given indices."""
         noise = None if self.noise_mm is None else self.noise_mm[states]
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Return the signed distances of the measured points from the simulated edges, with the error of each state.
+        """Return the signed distances of the measured points from the simulated edges.
 
         Parameters
         ----------
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of P candidate laws from this model.
+            Shapes of the beam for P sets of parameters.
         setup : Setup, optional
-            The map from true positions to positions in the picture for each candidate; the stated map by default.
+            Errors of the position of the picture for each set; none by default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the residuals of the K states.
+            Correction by a better model in mm, which is added to the distances in K load cases.
 
         Returns
         -------
         Misfit
-            The distances in mm as residuals, with their root mean square (error) and standard deviation (deviation).
+            The distances in mm, their root mean square and their standard deviation.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -277,12 +257,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return a `Misfit` with the given residuals: error and deviation of each of P candidates in each of K states.
-
-        The residuals are the signed distances in mm of the measured points from the simulated edges, shape (P, K, 2,
-        n): left and right edge with n points each. The error is their root mean square, and the deviation the standard
-        deviation of their absolute values. Points with an infinite uncertainty do not count.
-        """
+        """Return the given distances from the edges (in mm) with their root mean square and standard deviation."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)
@@ -293,7 +268,7 @@ class EdgeObservation:
 
 @dataclass(frozen=True)
 class PointObservation:
-    """Tracked material points of K states.
+    """Tracked material points of the beam in K load cases.
 
     Parameters
     ----------
@@ -302,12 +277,11 @@ class PointObservation:
     sigma_mm : ndarray, shape (K, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     depth_mm : ndarray, shape (K, n), optional
-        Distance of each point from the middle of the beam's depth in mm; zero by default. A planar model ignores the
-        distance.
+        Distance of each point from the middle of the beam's depth in mm; zero by default. A planar model ignores it.
 
     Examples
     --------
-    One marker in the middle of a beam's tip, in two states. The standard uncertainty of its position is 10 µm:
+    One marker in the middle of a beam's tip, in two load cases. The standard uncertainty of its position is 10 µm:
 
     >>> import numpy as np
     >>> rest = np.array([[[30.0, 0.0]], [[30.0, 0.0]]])
@@ -323,29 +297,29 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """Return the observation with the states that have the indices ``states``."""
+        """Return the tracked points of only the load cases with the given indices."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 
     def misfit(self, model: Model, shapes: Shapes, setup: Setup | None = None, change: Array | None = None) -> Misfit:
-        """Return the measured minus the simulated positions as residuals, with the error of each state.
+        """Return the measured minus the simulated positions of the tracked points.
 
         Parameters
         ----------
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of P candidate laws from this model.
+            Shapes of the beam for P sets of parameters.
         setup : Setup, optional
-            The map from true positions to positions in the picture for each candidate; the stated map by default.
+            Errors of the position of the picture for each set; none by default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the residuals of the K states.
+            Correction by a better model in mm, which is added to the differences in K load cases.
 
         Returns
         -------
         Misfit
-            The residuals in mm in two groups, x and y, with the root mean square (error) and the standard deviation
-            (deviation) of the distances in mm of the points from their simulated positions.
+            The differences in mm in two groups, x and y, with the root mean square and the standard deviation of the
+            distances.
         """
         k_states, n, _ = self.rest_mm.shape
         rest = self.rest_mm.reshape(-1, 2)
@@ -361,12 +335,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return a `Misfit` with the given residuals: error and deviation of each of P candidates in each of K states.
-
-        The residuals are measured minus simulated positions in mm, shape (P, K, 2, n): x and y for n points. The error
-        is the root mean square distance of a point from its simulated position, and the deviation the standard
-        deviation of these distances. Points with an infinite uncertainty do not count.
-        """
+        """Return the given position differences (in mm) with the RMS and standard deviation of the distances."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

@@ -39,23 +39,20 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The comparison of P candidates of a fit with all the evidence: edges, tensile curves and priors.
-
-    A candidate is one set of values of the unknowns of the fit.
+    """Comparison of P sets of unknowns (candidates) of a fit with the edges, the tensile curves and the priors.
 
     Parameters
     ----------
     comparison : Comparison
         Comparison with the measured edges and points.
     curves : ndarray, shape (P, m)
-        Standardised residuals of the tensile curves, which have m rows (pairs of strain and stress) together.
+        Residuals of the m rows of all tensile curves, each divided by its standard deviation.
     priors : ndarray, shape (P, f)
-        Deviations of the f freed nuisances (inputs that the fit determines) from their stated values, in standard
-        deviations of their priors.
+        Deviations of the f inputs that are fitted too, such as the width, divided by their prior standard deviations.
     law_priors : ndarray, shape (P, q)
-        Standardised residuals of the q priors on the law's parameters.
+        Residuals of the q priors on the law's parameters, each divided by its standard deviation.
     independent_points : float
-        Number N of independent points of the edges.
+        Number of independent points of the edges.
     """
 
     comparison: Comparison
@@ -66,33 +63,24 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether each of P candidates (values of the unknowns) has no equilibrium in at least one state, (P,)."""
+        """Whether the beam has no equilibrium in at least one load case, for each set of unknowns."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the law of each of P candidates (values of the unknowns) is unstable in at least one state, (P,).
-
-        False for a candidate without an equilibrium in one of the states.
-        """
+        """Whether the law is unstable in at least one load case, for each set of unknowns."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """The residuals of all evidence except the edges, each divided by its standard deviation.
-
-        The shape is (P, m + f + q) for P candidates (sets of values of the unknowns): m rows of tensile curves, f freed
-        inputs (which the fit determines together with the law), and q priors on the law's parameters.
-        """
+        """The residuals of the tensile curves and of all priors, each divided by its standard deviation."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The objective in mm, which the search makes as small as possible, for P candidates, shape (P,).
+        """The number that a fit minimises, in mm, for each set of unknowns.
 
-        A candidate is one set of values of the unknowns. Its objective is the mean error of edges or tracked points,
-        increased by the residuals of tensile curves and priors. A candidate without an equilibrium or with an unstable
-        law in a state gets a very large number (`DISCARDED_MM`).
+        It is the mean error of the edges or tracked points, increased by the residuals of tensile curves and priors.
         """
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
@@ -103,32 +91,20 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The same evaluation of the candidates, without the priors on the law's parameters."""
+        """The same comparison with the data, without the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether tensile curves and priors contradict a candidate so strongly that its objective is cut off, (P,).
+        """Whether tensile curves and priors contradict a set of unknowns so strongly that its objective is cut off.
 
-        A candidate is one set of values of the unknowns. The objective of a valid candidate is cut off at 0.99 of the
-        objective of an invalid candidate (`DISCARDED_MM`).
+        The objective is the number that a fit minimises.
         """
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """Residuals in mm for least squares: one `Misfit` for each experiment, and one for the other evidence.
-
-        The other evidence is the tensile curves, the priors of freed inputs (which the fit determines) and the priors
-        of the law. Its standardised residuals z have no unit. They are converted to residuals in mm,
-
-            r = e sqrt(K / N) z,
-
-        with the number K of states and the number N of independent points of the edges. e is the mean error of the
-        states in mm, as the median over all valid candidates. The last `Misfit` has these residuals r and the error e,
-        as if they belonged to one more state. Near the optimum, z then has the same weight in least squares as in the
-        objective.
-        """
+        """The residuals for least squares, in mm: of each experiment, and of the tensile curves and priors together."""
         standardised = self.standardised
         p, m = standardised.shape
         if m == 0:
@@ -136,6 +112,7 @@ class Evaluation:
         states = self.comparison.error_mm.shape[1]
         valid = self.comparison.objective_mm[~(self.unconverged | self.unstable)]
         error = float(np.median(valid)) if len(valid) else 1.0
+        # in mm, with about the same weight in least squares as in the objective near the optimum
         residuals = error * np.sqrt(states / self.independent_points) * standardised
         additional = Misfit(
             residuals.reshape(p, 1, 1, m), np.full((1, 1, m), 1 / m), np.full((p, 1), error), np.zeros((p, 1))
@@ -145,7 +122,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of a fit: a hyperelastic law, the unknowns and the evidence (edges, tensile curves, priors).
+    """The problem of a fit: a hyperelastic law, the unknowns, and the data with the priors.
 
     Parameters
     ----------
@@ -169,14 +146,13 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether a fit has freed nuisances (inputs that it determines), tensile curves or priors on the law."""
+        """Whether the fit uses anything besides edges: fitted inputs (such as the width), tensile curves or priors."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return the evaluation of this problem, from the evaluation of a problem that differs only in its corrections.
+        """Replace the corrections of the problem ``before`` in its residuals by the corrections of this problem.
 
-        ``evaluation`` was computed for the problem ``before``. Corrections by better beam models are added to the
-        residuals: those of ``before`` are subtracted, and those of this problem are added. No beam is simulated.
+        A correction is the change of the residuals (in mm) by a better beam model.
         """
         comparison = evaluation.comparison
         misfits = tuple(
@@ -188,12 +164,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return the function that the Gauss-Newton method (`polish`) calls to evaluate candidates.
-
-        The function takes candidates (sets of values of the unknowns) in unit coordinates (0 to 1), and an earlier
-        evaluation from whose shapes the solver starts, or None. ``independent_points`` is the number of independent
-        edge points.
-        """
+        """Return the function that compares unknowns with the data in the final (Gauss-Newton) steps of a fit."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
         )
@@ -206,28 +177,27 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Compare P candidates (sets of values of the unknowns) with the evidence: edges, tensile curves and priors.
+        """Compare P sets of values of the unknowns (candidates) with the edges, the tensile curves and the priors.
 
         Parameters
         ----------
-        unit : ndarray, shape (P, searched) or (P, n)
-            P candidates in unit coordinates, from 0 to 1 within the bounds of the search: either the unknowns that the
-            search varies (``Unknowns.searched``), or all n unknowns. By default nuisances (uncertain inputs) have their
-            stated values.
+        unit : ndarray, shape (P, s) or (P, n)
+            The unknowns of the P candidates, scaled to 0 to 1 within their bounds: all n of them, or only the s
+            unknowns of the first search. In the second case uncertain inputs, such as the width, have their specified
+            values.
         independent_points : float
             Number of independent edge points.
         experiments : sequence of Experiment, optional
             Experiments that replace the experiments of the problem.
         near : sequence of Shapes
-            Shapes of an earlier evaluation on the same meshes that was made with ``keep``. The solver starts from the
-            shapes of the first candidate of that evaluation.
+            Shapes of an earlier evaluation on the same meshes with ``keep``, from which the solver starts.
         keep : bool
             Keep the full solution of the first candidate as a start for later evaluations.
 
         Returns
         -------
         Evaluation
-            The comparison of the P candidates with all the evidence.
+            The comparison of the P candidates with all the data.
         """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)

@@ -69,10 +69,7 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P candidate laws, shape (P,).
-
-        ``parameters`` has the n parameters of the law of each candidate, shape (P, n).
-        """
+        """Return (p - mean) / standard_deviation for the parameter p of this prior, for each of P laws, shape (P,)."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)
         else:

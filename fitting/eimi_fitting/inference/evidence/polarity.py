@@ -22,32 +22,28 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether the field in at least one state points against the strongest field of all states.
-
-    In this state, the component against the strongest field must exceed 0.2 of the strongest field.
-    """
+    """Return whether the field in at least one load case points against the strongest field."""
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 
 
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
-    """Return the sources of uncertainty that a fit frees because the field was measured in both polarities.
+    """Return the uncertain inputs that can be fitted because the field was measured in both directions.
 
-    A freed source is an uncertain input, such as the background field, that the fit determines with the law.
+    An example is the background field.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments of a fit.
     free : sequence of NuisancePrior
-        The sources that the user frees. These sources are not returned.
+        The inputs that the user fits already. These inputs are not returned.
 
     Returns
     -------
     tuple of NuisancePrior
-        The sources whose effect is the same in a reversed field (``Source.is_even``), if every experiment states an
-        uncertainty of them above 0. The stated standard uncertainty is the prior. The result is empty if one of the
-        experiments has a single polarity.
+        The inputs whose effect is the same in a reversed field, if every experiment specifies an uncertainty above 0
+        for them. This uncertainty is the prior standard deviation. Empty if an experiment has only one field direction.
     """
     if not all(has_both_polarities(experiment.loads) for experiment in experiments):
         return ()

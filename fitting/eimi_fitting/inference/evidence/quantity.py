@@ -19,7 +19,7 @@ class Quantity:
     unit : str
         Unit of the value, ``"1"`` for a plain number.
     interval_95 : tuple of float
-        Lower and upper end of the 95 % interval from noise, mesh and all stated uncertainties, in the same unit.
+        Lower and upper end of the 95 % interval from noise, mesh and all specified uncertainties, in the same unit.
     interval_95_fit : tuple of float, optional
         Lower and upper end of the 95 % interval from noise and mesh alone; None if this interval was not computed.
 

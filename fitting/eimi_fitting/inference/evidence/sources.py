@@ -30,33 +30,30 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An input that may be uncertain (a source of uncertainty), and its effect on an experiment.
+    """An input that may be uncertain, such as the width or the background field, and its effect on an experiment.
 
-    A source has one or more numbers, the parts: the background field has the parts x and y. A fit compares P candidates
-    (sets of values of its unknowns), in which a source may have different deviations from its stated value.
+    An input has one or more numbers (parts), such as x and y. P is the number of parameter sets that are simulated.
 
     Parameters
     ----------
     words : str
-        Name of the source for people.
+        Name of the input for people.
     parts : tuple of str
         Names of the parts in a result.
     unit : str
-        Unit of all parts; ``"1"`` for a share of the stated value.
+        Unit of all parts; ``"1"`` for a share of the specified value.
     largest : float
         Largest standard deviation that is accepted, in ``unit``.
     usual : float
         Standard deviation that is usual in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit reports the effect of the usual standard deviation if no file states the uncertainty.
+        Whether a fit reports the effect of the usual standard deviation if no file specifies the uncertainty.
     is_even : bool
-        Whether the effect of the source is the same in a reversed field. Both polarities then separate this effect from
-        the effect of the modulus.
+        Whether the effect of the input is the same in a reversed field.
     common : bool
-        Whether all datasets share one error of the source, if no file specifies which datasets share it. If False, each
-        dataset has a separate error.
+        Whether all datasets have the same error of the input, if no file specifies which datasets share it.
     covers : tuple of str
-        Keys of other sources with the same effect. These sources are ignored if the fit determines this source.
+        Other inputs with the same effect, which are ignored if the fit determines this input.
     stated_in : str or None
         The file that specifies the uncertainty: "specimen", "calibration" or "rig"; None if no file specifies it.
     key : str
@@ -67,8 +64,8 @@ class Source:
         Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
         to its position in the picture.
     specimen, loads, lens : callable, optional
-        Three functions. Each takes the stated specimen, loads or view of the lens, and the deviations (parts,) of one
-        candidate. Each returns the changed specimen, loads or view.
+        Three functions. Each takes the specified specimen, loads or view of the lens, and deviations (parts,). Each
+        returns the changed specimen, loads or view.
     """
 
     words: str
@@ -90,28 +87,28 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether the source of uncertainty changes specimen, lens or loads, and not only the strength of the field."""
+        """Whether an error of this input changes specimen, lens or loads, and not only the strength of the field."""
         return any((self.specimen, self.loads, self.lens))
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether an error of this uncertain input changes the shape of the beam, and not only its picture."""
+        """Whether an error of this input changes the shape of the beam, and not only its picture."""
         return any((self.specimen, self.loads, self.field))
 
 
 @dataclass(frozen=True)
 class StatedSource:
-    """The standard uncertainty of one source of uncertainty (an uncertain input), as a file specifies it.
+    """The standard uncertainty of one input, as a file specifies it.
 
     Parameters
     ----------
     source : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Name of the input, such as "width".
     standard_uncertainty : float
-        Standard uncertainty in the unit of the source; 0 for an exact value.
+        Standard uncertainty in the unit of the input; 0 for an exact value.
     of : str
-        The object to which the quantity belongs, such as a calibration, a coil or a specimen. Datasets with the same
-        object share one error of the source.
+        The object to which the input belongs, such as a coil or a specimen. Datasets with the same object have the same
+        error of the input.
     """
 
     source: str
@@ -141,10 +138,7 @@ def _magnified(deviation: Array) -> tuple[Array, Array]:
 
 
 def _gravity_turned(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with gravity and tip forces rotated by the angle ``deviation`` (1,) in degrees.
-
-    The tip forces are weights that hang from the tip, and therefore point along gravity.
-    """
+    """Return the loads with gravity and tip forces rotated by an angle in degrees."""
     turn = _rotation(deviation[0]).T
     return replace(loads, gravity=loads.gravity @ turn, tip_force_N=loads.tip_force_N @ turn)
 
@@ -154,28 +148,24 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads for a beam whose direction in the picture differs by ``deviation`` (1,) in degrees.
-
-    The directions of field and gravity in the picture stay the same. In the frame of the beam, both are therefore
-    rotated by minus the deviation.
-    """
+    """Return the loads for a beam whose direction in the picture differs by an angle in degrees."""
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional field in mT, equal in all states, in the direction of the strongest field."""
+    """Return the loads with an additional field in mT in all load cases, along the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
 def _background_field(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional uniform field (2,) in mT that does not depend on the current."""
+    """Return the loads with an additional uniform field that does not depend on the current."""
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
 def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.0) -> Loads:
-    """Return the loads with a changed gradient of the field, and with a changed curvature.
+    """Return the loads with a changed gradient and a changed curvature of the field.
 
     Parameters
     ----------
@@ -185,7 +175,8 @@ def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.
         Numbers that are added to the gradients along and across the straight beam. A gradient is the relative change of
         the field strength per metre.
     curvature_per_m2 : float
-        Number that is added to the curvature of the field (`CoilShape`).
+        Number that is added to the curvature: half of the second derivative of the relative field strength along the
+        coil axis, in 1/m².
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
@@ -413,12 +404,7 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with given deviations of its dimensions and materials from their stated values.
-
-    The keys of ``deviations`` are the names of uncertain inputs (the keys of `SOURCES`), such as "width". A value has
-    one number for each part of the input, such as x and y, shape (parts,). The point of a tip force keeps its position
-    relative to length and width, so that it stays on the specimen.
-    """
+    """Return the specimen with given deviations of its dimensions and materials from the specified values."""
     specimen = before
     for key, deviation in deviations.items():
         if change := SOURCES[key].specimen:
@@ -431,11 +417,7 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with given deviations of gravity and field from their stated values.
-
-    The keys of ``deviations`` are the names of uncertain inputs (the keys of `SOURCES`). A value has one number for
-    each part of the input, such as the x and y components, shape (parts,).
-    """
+    """Return the loads with given deviations of gravity and field from the specified values."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -443,11 +425,7 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with given deviations of stand-off and tilt from their stated values.
-
-    The stand-off is the distance of the lens from the beam. The keys of ``deviations`` are the names of uncertain
-    inputs (the keys of `SOURCES`). A value has one number for each part of the input, shape (parts,).
-    """
+    """Return the view of the lens with given deviations of its distance and tilt from the specified values."""
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             view = change(view, deviation)

@@ -38,7 +38,7 @@ class TensileCurve:
     stress_Pa : ndarray, shape (m,)
         Engineering stress in Pa.
     weight : float
-        Factor w. In a joint fit the curve counts w times as much as its noise alone would imply; 1 by default.
+        Factor on the weight that the curve has because of its noise; 1 by default.
 
     Examples
     --------
@@ -64,9 +64,9 @@ class TensileEvidence:
     curve : TensileCurve
         The curve.
     noise_Pa : float
-        Standard deviation s of the residuals of the fit to this curve alone, in Pa.
+        Standard deviation in Pa of the residuals of a fit to this curve alone.
     correlation_rows : float
-        Number tau of neighbouring rows that count as one independent row.
+        Number of neighbouring rows that count as one independent row.
     """
 
     curve: TensileCurve
@@ -103,16 +103,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return simulated minus measured stress in Pa, (P, m), in m rows of the curve for P candidate laws.
-
-        ``parameters`` has the n parameters of each law, shape (P, n).
-        """
+        """Return simulated minus measured stress in Pa for each of P laws, shape (P, rows of the curve)."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the residuals of m rows of the curve, divided by their standard deviation, for P laws, (P, m).
-
-        ``parameters`` has the n parameters of each law, shape (P, n).
-        """
+        """Return the stress residuals divided by their standard deviation for P laws, shape (P, rows of the curve)."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

@@ -27,21 +27,19 @@ _BOUNDS_VARIANCE = 1.0 / 12.0  # of a uniform distribution over the unit interva
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """A source of uncertainty that a fit frees, with the standard deviation of its prior.
-
-    A source is an uncertain input, such as the moment of the magnet. A fit determines a freed source with the law.
+    """An uncertain input that is fitted together with the law, with the standard deviation of its prior.
 
     Parameters
     ----------
     kind : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Name of the input, such as "width".
     spread : float, optional
-        Standard deviation in the unit of the source; the stated standard uncertainty by default.
+        Standard deviation in the unit of the input; by default the standard uncertainty in the files.
 
     Raises
     ------
     ValueError
-        For an unknown key, and for a standard deviation that is not above 0 or is above ``Source.largest``.
+        For an unknown name, and for a standard deviation that is not above 0 or is too large for the input.
 
     Examples
     --------
@@ -67,20 +65,20 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One freed number of a fit: the deviation of an input from its stated value, determined together with the law.
+    """The deviation of an input from its specified value, which is fitted together with the law.
 
     Parameters
     ----------
     name : str
         Name of the number in a result.
     source : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Name of the input, such as "width".
     part : int
-        Index of the number among the parts of its source.
+        Index of the number among the numbers of this input, such as 1 for y.
     datasets : tuple of int
         Indices of the datasets that share the number, counted from 0.
     spread : float
-        Standard deviation of the prior of the number, in the unit of the source.
+        Standard deviation of the prior of the number, in the unit of the input.
     """
 
     name: str
@@ -91,28 +89,22 @@ class Nuisance:
 
     @property
     def unit(self) -> str:
-        """The unit of the deviation of this uncertain input, such as mm or degrees."""
+        """The unit of the deviation of this input, such as mm or degrees."""
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Return the deviation of the input from its stated value for a unit coordinate from 0 to 1.
-
-        The deviation has the unit of the source. The unit coordinate 1/2 gives the deviation 0.
-        """
+        """Return the deviation of the input from its specified value, for a scaled coordinate from 0 to 1."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """How the strength of the field and the picture of the beam differ from their stated values, for P candidates.
-
-    A candidate is one set of values of the unknowns of a fit. The candidates may assume different errors of the inputs,
-    such as a wrong coil constant or a shifted camera. A setup belongs to one dataset.
+    """Errors of the field strength and of the position of the picture, for P sets of values of the unknowns.
 
     Parameters
     ----------
     field_factor : ndarray, shape (P,)
-        Factor on the magnetic loads; 1 for the stated field.
+        Factor on the magnetic loads; 1 for the specified field.
     linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
         Map from a true position in the beam frame to the position in the picture: the true position times ``linear``,
         plus ``shift_mm``.
@@ -124,21 +116,20 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the effect of given deviations of the inputs on the field and on the picture.
+        """Return the effect of given errors of the inputs on the field strength and on the position of the picture.
 
         Parameters
         ----------
         deviations : iterable of (str, int, ndarray or float)
-            For each uncertain number, the key of its source, its index among the parts of the source, and its deviation
-            in the unit of the source. A deviation has shape (P,) or is one number for all candidates.
+            Each element is the name of an input such as "width", the index of one of its numbers, and the error of this
+            number in its unit: shape (P,), or one value for all sets of unknowns.
         candidates : int
-            The number P of candidates (sets of values of the unknowns).
+            The number P of sets of unknowns.
 
         Returns
         -------
         Setup
-            The factor on the field, and the map from true positions to positions in the picture. Deviations that change
-            neither of them are ignored.
+            The factor on the field, and the map from true positions to positions in the picture.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -156,29 +147,22 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the effects on field and picture (the setup) of the sets of unknowns with the indices ``rows``."""
+        """Return the errors of field and picture for only the sets of unknowns with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return true positions (x, y) in mm from positions in the picture, shape (..., 2).
-
-        The result has the shape (P, ..., 2). The P candidates (sets of values of the unknowns) may assume different
-        positions of the camera.
-        """
+        """Return true positions in mm from positions in the picture, for each assumed position of the camera."""
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return where the camera shows true positions, (..., 2) in mm, for the first candidate (set of unknowns)."""
+        """Return the positions in the picture from true positions in mm, for the first set of unknowns."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the key in `SOURCES` and the index of the part that belong to a name in a result.
-
-    The name is the name of a freed number: an uncertain input, or a part of it such as its x component, that the fit
-    determined. It may end with datasets, as in "... of dataset 1".
+    """Return the input, and the index among its numbers, that belong to a name in a result.
 
     Raises
     ------
@@ -191,16 +175,16 @@ def freed_number(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """A source of uncertainty (an uncertain input), and a group of datasets that share one error of this source.
+    """An uncertain input, and a group of datasets that have the same error of this input.
 
     Parameters
     ----------
     source : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Name of the input, such as "width".
     datasets : tuple of int
         Indices of the datasets, counted from 0.
     standard_uncertainty : float or None
-        Standard uncertainty in the unit of the source; None if no experiment states it.
+        Standard uncertainty in the unit of the input; None if no file specifies it.
     """
 
     source: str
@@ -208,10 +192,10 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name of one part (such as x or y) of the uncertain input in a result.
+        """Return the name, in a result, of one number (such as x or y) of the input.
 
-        ``datasets`` is the number of datasets of the fit. If the error is not common to all of them, the name ends with
-        the datasets that share it, as in "... of datasets 0 and 2".
+        The name ends with the datasets, as in "... of datasets 0 and 2", unless all datasets of the fit share the
+        error.
         """
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -226,16 +210,15 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     Parameters
     ----------
     source : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Name of the input, such as "width".
     stated : sequence of sequence of StatedSource
-        For each dataset, the uncertain inputs that its files state.
+        For each dataset, the uncertainties that its files specify.
 
     Returns
     -------
     tuple of SharedUnknowns
-        One element for each group. Datasets that name the same object in ``StatedSource.of``, such as the same coil,
-        form a group. Datasets that do not state the uncertainty of the input form one group if ``Source.common`` is
-        true; otherwise each of them is a group.
+        One element for each group. Datasets that name the same object for the input, such as the same coil, form a
+        group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -251,27 +234,26 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """Return the freed numbers of a fit: the uncertain inputs that the fit determines together with the law.
+    """Return the unknown deviations of the inputs that are fitted together with the law.
 
     Parameters
     ----------
     priors : sequence of NuisancePrior
-        The sources of uncertainty that the fit determines, with their prior standard deviations.
+        The inputs that the fit determines, with their prior standard deviations.
     datasets : int
         Number of datasets.
     stated : sequence of sequence of StatedSource, optional
-        The stated sources of each dataset; none by default.
+        For each dataset, the uncertainties that its files specify; none by default.
 
     Returns
     -------
     tuple of Nuisance
-        The numbers of all sources. A source has one number for each of its parts, such as x and y of the clamp. A
-        group of datasets that share an error of the source has its own numbers.
+        One unknown for each number of an input (such as x and y), and for each group of datasets with the same error.
 
     Raises
     ------
     ValueError
-        If a prior has no standard deviation, and a dataset gives no uncertainty of the source or an uncertainty of 0.
+        If a prior has no standard deviation, and a dataset gives no uncertainty of the input or an uncertainty of 0.
     """
     freed: list[Nuisance] = []
     for prior in priors:
@@ -291,17 +273,17 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit: coordinates of the law, then the bulk modulus if it is searched, then freed nuisances.
+    """The unknowns of a fit: parameters of the law, the bulk modulus if it is unknown, and uncertain inputs.
 
-    Each of the n unknowns has a unit coordinate from 0 to 1. P candidates (sets of values of the unknowns) have the
-    shape (P, n).
+    Each of the n unknowns is scaled to a coordinate from 0 to 1. The coordinates of P sets of values have the shape
+    (P, n).
 
     Parameters
     ----------
     space : SearchSpace
-        The coordinates of the law and, if it is searched, of the bulk modulus.
+        The coordinates of the law and, if it is unknown, of the bulk modulus.
     freed : tuple of Nuisance
-        The freed nuisances: uncertain inputs that the fit determines together with the law.
+        The uncertain inputs, such as the width, that are fitted together with the law.
     """
 
     space: SearchSpace
@@ -309,10 +291,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of coordinates that the search varies: coordinates of the law, and the bulk modulus if it is unknown.
-
-        The inputs that the fit determines too (freed nuisances) keep their stated values until the Gauss-Newton steps.
-        """
+        """Number of unknowns without the uncertain inputs: those of the law, and the bulk modulus if it is unknown."""
         return len(self.space.names)
 
     @property
@@ -321,72 +300,42 @@ class Unknowns:
         return (*self.space.names, *(nuisance.name for nuisance in self.freed))
 
     def modulus_percent(self, moved: float) -> float:
-        """Return the change of the modulus in per cent if the first unit coordinate changes by ``moved``.
-
-        The first coordinate increases linearly with the logarithm of the modulus, from 0 to 1 between its bounds.
-        """
+        """Return the change of the modulus in per cent if its scaled coordinate (0 to 1) changes by ``moved``."""
         return 100 * float(np.expm1(moved * np.log(self.space.upper[0] / self.space.lower[0])))
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """Names of the freed nuisances (inputs that the fit determines) that scale the magnetic load.
-
-        Without priors the data determine only the ratio of magnetic load to modulus.
-        """
+        """Names of the fitted inputs that scale the magnetic load, such as the moment of the magnet."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """The inverse of the prior variance of each of the n unit coordinates, shape (n,).
-
-        A coordinate of the law or of the bulk modulus has the variance of a uniform distribution from 0 to 1, which is
-        1/12. The coordinate of a freed nuisance (an uncertain input that the fit determines) covers 12 prior standard
-        deviations, so that its variance is 1/144.
-        """
+        """The inverse of the prior variance of each scaled coordinate (0 to 1)."""
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
+        # the coordinate of an uncertain input covers 2 RANGE prior standard deviations
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return all n unit coordinates (0 to 1) of P candidates, (P, n), also if only the searched ones are given.
-
-        A candidate is one set of values of the unknowns. ``unit`` has the shape (P, n), or (P, `searched`) without the
-        coordinates of the nuisances (uncertain inputs). The missing coordinates are those of the stated values, 1/2.
-        """
+        """Append the coordinates of the uncertain inputs at their specified values, if they are missing."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the m parameters of the law for P candidates, shape (P, m).
-
-        A candidate is one set of values of the unknowns. ``unit`` has its n unit coordinates (0 to 1), shape (P, n).
-        """
+        """Return the parameters of the law from the scaled coordinates (0 to 1) of the unknowns."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli of P candidates in Pa, (P,); None if the bulk modulus is not searched.
-
-        A candidate is one set of values of the unknowns. ``unit`` has its n unit coordinates (0 to 1), shape (P, n).
-        """
+        """Return the bulk moduli in Pa from the scaled coordinates (0 to 1); None if the bulk modulus is no unknown."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of the f freed inputs from their stated values, in prior standard deviations, (P, f).
-
-        A freed input is an uncertain input that the fit determines together with the law. P candidates (sets of values
-        of the unknowns) have n unit coordinates (0 to 1) each: ``unit``, shape (P, n).
-        """
+        """Return the deviations of the fitted inputs from their specified values, in prior standard deviations."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the effect of freed inputs on field and picture in each dataset; None if the fit frees no input.
-
-        A freed input is an uncertain input that the fit determines together with the law. If it differs from its stated
-        value, the field may be stronger or weaker, or the picture may be shifted and rotated. The result has one
-        `Setup` for each dataset, with these effects for P candidates. ``unit`` has the n unit coordinates (0 to 1) of
-        each candidate, shape (P, n).
-        """
+        """Return the errors of field strength and picture position in each dataset; None if no input is fitted."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -396,45 +345,38 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group the candidates (sets of values of the unknowns) that have the same specimen and the same loads.
-
-        Their beams bend alike if their laws agree, and each group can be solved with one beam model. Candidates differ
-        in the specimen or in the loads if the fit determines such an input, for example the width.
+        """Group the sets of unknowns that have the same specimen and loads, and need only one beam model.
 
         Parameters
         ----------
         unit : ndarray, shape (P, n)
-            P candidates in unit coordinates (0 to 1).
+            P sets of the n unknowns, scaled to 0 to 1.
         datasets : int
             Number of datasets.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
-            deviations of the inputs that the fit determines: the key is the name of an input (a key of `SOURCES`), the
-            value an array with the deviation of each part (such as x and y), shape (parts,).
+            For each group, the indices of its sets, and one dictionary for each dataset: from the name of an input,
+            such as "width", to the deviations of its numbers from the specified values.
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group the candidates (sets of values of the unknowns) that are seen through the same lens.
-
-        Candidates differ in the lens if the fit determines a property of it, such as its distance from the beam.
+        """Group the sets of unknowns that have the same lens.
 
         Parameters
         ----------
         unit : ndarray, shape (P, n)
-            P candidates in unit coordinates (0 to 1).
+            P sets of the n unknowns, scaled to 0 to 1.
         datasets : int
             Number of datasets.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its candidates, and one dictionary for each dataset. The dictionary has the
-            deviations of the lens from its stated values: the key is the name of a property of the lens (a key of
-            `SOURCES`), the value an array with the deviation of each part, shape (parts,).
+            For each group, the indices of its sets, and one dictionary for each dataset: from the name of a property of
+            the lens to the deviations of its numbers from the specified values.
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
