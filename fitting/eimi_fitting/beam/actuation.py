@@ -31,11 +31,10 @@ Array = NDArray[np.float64]
 
 
 class Actuation(Protocol):
-    """One kind of load in K states. Any class with these members can be added to `Loads`.
+    """One kind of load in K states (loads that act one after another), described by m numbers in each state.
 
-    Each state of the load is described by m numbers, for example the components of a field. The forces must be linear
-    in these numbers, and m zeros must mean no load. The solver interpolates the numbers between two states. If fits run
-    in several processes, each process must be able to import the class.
+    Any class with these members can be added to `Loads`. The forces must be linear in the numbers, and m zeros must
+    mean no load.
     """
 
     @property
@@ -67,11 +66,9 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """The interface of a mesh for the computation of loads: it finds the magnet and any point of the specimen.
+    """A mesh that finds the magnet and the elements around points, for the computation of loads.
 
-    A mesh is first built in a straight beam of constant width (the straight strip). A map then bends the strip, with
-    its mesh, to the rest shape of the specimen (`beam.strip`). Loads act at given positions at rest. These positions
-    are first mapped back to the strip, where the elements around them are found.
+    The mesh is built in a straight beam of constant width (the straight strip) and mapped to the shape at rest.
     """
 
     specimen: Specimen
@@ -83,26 +80,19 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm.
-
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
-        """
+        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
 
-        points_mm: coordinates (x, y) of the points, (n, 2). The straight strip is a straight beam of constant width,
-        which is mapped to the rest shape.
+        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes on which a force at a point (x, y) acts, and the share of the force on each node.
+        """Return the nodes that share a force, and the fractions of the force on them, (m, n) each.
 
-        The force is spread evenly through the depth. On a planar mesh it acts at one point (m = 1). On a solid mesh it
-        acts at m points with the same x and y. Both results have one row for each of the m points, shape (m, n): the n
-        nodes of the element around the point, and their shares of the force. All shares add up to 1.
-
-        point_mm: the point in the straight strip, a straight beam of constant width that is mapped to the rest shape.
+        The force is spread over m places through the depth with n nodes each. point_mm: the point (x, y) of the force
+        in the straight beam that is mapped to the beam at rest.
         """
 
 
@@ -190,9 +180,9 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the position (x, y) at rest, in mm, of a point (x, y) of the straight strip.
+        """Return the place (x, y) at rest, in mm, of a point of the straight beam that is mapped to the beam at rest.
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        straight_mm: the point (x, y) in the straight beam.
         """
         return self._grid.strip.at_rest(straight_mm[None])[0]
 

@@ -21,8 +21,7 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 def bandwidth(dofs: Indices) -> int:
     """Return the largest distance of a nonzero entry of the assembled stiffness matrix from the main diagonal.
 
-    dofs: the numbers of the d unknowns of each of E elements, shape (E, d); -1 for an unknown that is fixed. An entry
-    (i, j) can differ from zero only if i and j are unknowns of the same element.
+    dofs: the numbers of the d unknowns of each of E elements, shape (E, d); -1 for an unknown that is fixed.
     """
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
@@ -30,17 +29,13 @@ def bandwidth(dofs: Indices) -> int:
 def _most_contributions(numbers: Indices) -> int:
     """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    Each entry of an element's matrix is a contribution to an entry of the assembled matrix. The contributions to one
-    entry are counted from 0, and ``numbers`` has these counts for all entries.
+    numbers: the contributions to each entry, counted from 0.
     """
     return int(numbers.max(initial=0)) + 1
 
 
 class BandAssembly:
     """The assembly of the element matrices into the band matrix of the whole mesh.
-
-    For every entry of an element matrix, the position in the lower band of the assembled matrix is computed once, when
-    the object is created.
 
     Parameters
     ----------
@@ -107,19 +102,16 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide an array of element matrices into the groups of elements that are added to the band one after another.
+        """Divide an array of element matrices into the groups of consecutive elements that are added together.
 
-        Yields one array for each group of consecutive elements. element_matrices: the d x d matrices of all E elements
-        for B candidate laws, shape (E, B, d, d).
+        element_matrices: the d x d matrices of all E elements for B candidate laws, shape (E, B, d, d).
         """
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Add the element matrices to the band matrix of the whole mesh, for each of B candidate laws.
+        """Add the element matrices to the band matrix of the whole mesh, (B, n, bandwidth + 1), for B candidate laws.
 
-        Returns the lower bands of these matrices, shape (B, n, bandwidth + 1), for n unknowns. parts: one array for
-        each group of consecutive elements, with the matrices of these elements. The array of a group of e elements with
-        d unknowns each has the shape (e, B, d, d).
+        parts: for each group of e consecutive elements, the matrices of these elements, (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -148,8 +140,7 @@ class BandAssembly:
 class BandFactor:
     """The factors of the band matrices of B candidate laws, with which linear systems are solved.
 
-    Positive definite matrices have Cholesky factors. Symmetric matrices that are not positive definite have LU factors,
-    unless the caller asked to omit them. If the matrices are not symmetric, all of them have LU factors.
+    They are Cholesky or LU factors.
 
     Attributes
     ----------
@@ -173,8 +164,6 @@ class BandFactor:
 
     def solve(self, right: Array) -> Array:
         """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
-
-        There are B candidate laws with n unknowns each.
 
         The solution is zero for a candidate whose matrix could not be factorised.
         """
@@ -201,9 +190,6 @@ def factorise(
     band: Array, sound: NDArray[np.bool_], upper: Array | None = None, only_definite: bool = False
 ) -> BandFactor:
     """Factorise band matrices: positive definite matrices by Cholesky's method, other matrices by LU with pivoting.
-
-    A tangent stiffness that is not positive definite occurs far from equilibrium or in an unstable equilibrium. A
-    matrix that cannot be factorised is replaced by the identity, so that it does not affect the other matrices.
 
     Parameters
     ----------
@@ -265,10 +251,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether the entries of each of B rows of an array are finite and of moderate size, shape (B,).
-
-    The sum of the squares of a row must not overflow. Candidate laws whose rows fail this check are not solved.
-    """
+    """Return whether the entries of each of B rows of an array are finite and of moderate size, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -284,10 +267,9 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Store B band matrices with n rows as one matrix in the format that LAPACK's LU factorisation needs.
+    """Store B band matrices as one matrix in LAPACK's format for the LU factorisation, (3 w - 2, B n).
 
-    The format is the storage of band matrices that are not symmetric, shape (3 w - 2, B n). lower, upper: lower bands
-    of the matrices and of their transposes, (B, n, w): the main diagonal and the w - 1 diagonals below it.
+    lower, upper: lower bands of the matrices and of their transposes, (B, n, w), with n rows and w diagonals.
     """
     batch, n, width = lower.shape
     k = width - 1

@@ -26,10 +26,9 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 
 @dataclass(frozen=True)
 class BentBeam:
-    """The bent shapes of one candidate law, or of P candidate laws, in K states.
+    """The bent shapes for one candidate (set of parameters of a law), or for P candidates, in K states.
 
-    A candidate is one set of parameters of a law. If only one candidate was given, as parameters of shape (n,), the
-    results have no axis of length P.
+    If only one candidate was given, as parameters of shape (n,), the results have no axis of length P.
 
     Attributes
     ----------
@@ -59,7 +58,7 @@ class BentBeam:
     def max_stretch(self) -> Array:
         """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidate laws.
 
-        NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
+        NaN in a state that was not solved.
         """
         return self._rows(self._where_reached(self.shapes.max_stretch))
 
@@ -67,7 +66,7 @@ class BentBeam:
     def tip_angle_deg(self) -> Array:
         """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidate laws.
 
-        NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
+        NaN in a state that was not solved.
         """
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
@@ -119,7 +118,7 @@ class BentBeam:
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 
     def edges(self, per_segment: int = 4, view: View | None = None) -> Array:
-        """Return the left and the right outline of the beam as polylines of m points (x, y) in mm; see `outline`.
+        """Return the left and the right outline of the beam as polylines of m points (x, y) in mm.
 
         Parameters
         ----------
@@ -136,10 +135,7 @@ class BentBeam:
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return an array of values (P, K, ...) with NaN in the states that were not solved.
-
-        There are P candidate laws and K states. The status of a solved state is CONVERGED or UNSTABLE.
-        """
+        """Return an array for P candidate laws in K states, (P, K, ...), with NaN in states without a solution."""
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 

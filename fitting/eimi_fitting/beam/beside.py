@@ -40,9 +40,9 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 
 @dataclass(frozen=True)
 class SolidOptions:
-    """Options for solving a solid model with the help of its planar model, and results of earlier solutions.
+    """Options for solving a solid model with the help of a planar one, and results of earlier solutions.
 
-    The depth effect is the difference between the shapes of the solid and of the planar model (`beam.depth_effect`).
+    The depth effect is the difference between the shapes of the solid and of the planar model.
 
     Attributes
     ----------
@@ -76,9 +76,7 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid model of the beam in K states, with the depth effect that was interpolated.
-
-    The depth effect is the difference between the shapes of the solid and of the planar model.
+    """The shapes of a solid model of the beam in K states.
 
     Attributes
     ----------
@@ -90,10 +88,9 @@ class SolidShapes(Shapes):
 
 
 class SolidBeside:
-    """The solid model of a specimen, solved at low cost with the help of a planar model (plane stress).
+    """The solid model of a specimen, solved at low cost with the help of a planar model.
 
-    Both models have the same grid lines in the plane. The planar shapes are the start for the solid model, which is
-    then solved in a few states only (see the module). One candidate law is solved at a time.
+    One candidate law is solved at a time.
 
     Parameters
     ----------
@@ -124,8 +121,7 @@ class SolidBeside:
     def has_mesh_of(self, model: BeamModel) -> bool:
         """Return whether a planar model has the same mesh and specimen as the planar model of this object.
 
-        The section of the specimens is not compared. If the result is True, the shapes that were computed with the
-        other planar model can be used as `SolidOptions.planar_shapes`.
+        The section is not compared.
         """
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
@@ -195,9 +191,9 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return the result for a candidate law that was not solved: shapes at rest, every state marked as diverged.
+        """Return the result for a law that was not solved: shapes at rest, every state marked as diverged.
 
-        ``flat`` has the shapes of the planar model, which give the number of states.
+        flat: the shapes of the planar model.
         """
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
@@ -209,15 +205,15 @@ class SolidBeside:
         )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the tip in K states in degrees, (1, K), see `SolidModel.tip_angle_deg`."""
+        """Return the rotation of the tip in K states in degrees, (1, K)."""
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest stretch in each of E elements in K states, (1, K, E), see `SolidModel.element_stretch`."""
+        """Return the largest stretch in each of E elements in K states, (1, K, E)."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points in K states in mm, (1, K, n, 3), see `SolidModel.positions`."""
+        """Return the positions of n points in K states in mm, (1, K, n, 3)."""
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
@@ -233,18 +229,10 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the depth effect, interpolated through as few solved states as the required accuracy allows, or None.
+        """Return the difference between solid and planar shapes, interpolated through a few solved states, or None.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model. It is interpolated as a
-        function of a scalar s that measures the bending. ``chosen`` is the candidate law. ``flat`` has the shapes of
-        the planar model in all states, and ``lift`` its displacements at the nodes of the solid mesh.
-
-        The states are solved in Leja's order: the next state is the state for which the product of its distances from
-        all solved states is largest. A distance is a difference of s. The loop ends when the shape of the solid model
-        in a new state differs by less than ``accuracy_mm`` from the shape that was interpolated before.
-
-        The result is None if the loads of the states do not lie on a straight line. It is also None if Newton's method
-        needs more than a few steps from the planar to the solid shape in a state.
+        chosen: the candidate law. lift: displacements of the planar model at the nodes of the solid mesh. flat: the
+        planar shapes in all states.
         """
         along = _along_ray(loads)
         if along is None:
@@ -293,10 +281,7 @@ class SolidBeside:
     ) -> Configuration | None:
         """Return the shape of the solid model minus the planar shape in one state; None if Newton's method fails.
 
-        Newton's method begins at the planar shape plus the difference ``predicted``, which was interpolated from the
-        states that are already solved. If it does not converge in a few steps, it begins again at the planar shape
-        alone. The interpolated difference is a bad start, for example, if only the two outermost states are solved, and
-        these bend in opposite directions.
+        lifted: the planar shape. predicted: the difference that is expected.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -310,25 +295,23 @@ class SolidBeside:
     def _lift(self, flat: Shapes) -> Array:
         """Return the displacements of the planar model as vectors in space, in K states, (1, K, n, 3) in mm.
 
-        The n points are the nodes of one layer of the solid mesh, at one depth. The third component, in depth, is zero.
+        The n points are the nodes of one layer of the solid mesh.
         """
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as configurations of the solid model, with one row for each state.
+        """Return the planar shapes in some states as shapes of the solid model, with one row for each state.
 
-        Only displacements are set; the stresses stay zero. lift: the planar displacements at the x and y of the nodes
-        of the solid mesh in K states, (1, K, n, 3) in mm. All nodes with the same x and y are displaced equally.
+        lift: the planar displacements at the x and y of the nodes of the solid mesh in K states, (1, K, n, 3) in mm.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid model in all states: the planar shapes plus the depth effect.
+        """Return the shapes of the solid model in all states: the planar shapes plus the interpolated difference.
 
-        The depth effect is the interpolated difference between the shapes of the two models. ``flat`` has the planar
-        shapes, and ``lift`` the planar displacements at the nodes of the solid mesh.
+        flat: the planar shapes. lift: the planar displacements at the nodes of the solid mesh. effect: the difference.
         """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
@@ -355,12 +338,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return a known depth effect that is valid for a new candidate, or None if there is none.
-
-    The depth effect is the shape of the solid model minus the shape of the planar model. It is the same for two
-    candidates with the same law, the same ratio of bulk to shear modulus and the same planar shapes. The result is the
-    first of ``options.similar`` whose candidate agrees with the new one in this way.
-    """
+    """Return a known difference of solid and planar shapes that is valid for a new candidate law, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -368,11 +346,9 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the depth effect of a similar candidate law, to which a small correction will be added, or None.
+    """Return the difference of solid and planar shapes of a similar law, to which a correction will be added, or None.
 
-    The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a scalar s
-    that measures the bending. The result is chosen among the depth effects in ``similar`` that are valid for all states
-    of the new candidate. It is the one whose most bent state is nearest to the most bent state of the new candidate.
+    A number s measures the bending.
 
     Parameters
     ----------
@@ -390,12 +366,9 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the position of each of K loads on the straight line through all loads, shape (K,), or None.
+    """Return the position of each of K loads on the straight line through all of them, (K,), or None without a line.
 
-    The load of a state is a vector of numbers, such as the components of the field. The line starts at the load of the
-    first state (position 0) and leads to the load that is farthest from it (position 1). A load on the other side of
-    the first load has a negative position. The result is None if the loads do not lie on a line. If all loads are
-    equal, all positions are 0.
+    The first load has the position 0, the load farthest from it 1.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

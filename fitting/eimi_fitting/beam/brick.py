@@ -37,9 +37,6 @@ class Operators:
 
     The mesh has E elements with q Gauss points each.
 
-    Some functions need these arrays with their axes in another order. They copy the arrays of a few elements at a time,
-    because the copies for all elements of a typical solid mesh would fill 34 MB.
-
     Attributes
     ----------
     gradient : ndarray, shape (E, 27, 3 q)
@@ -108,8 +105,8 @@ def mixed(batch: Batch) -> bool:
 def gradients(ops: Operators, nodal: Array) -> Array:
     """Return the displacement gradients (3, 3, E, B, q) for nodal displacements (E, B, 3, 27) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The first axis is the
-    component of the displacement, the second axis is the coordinate of the derivative.
+    There are E elements with q Gauss points each, and B candidate laws. The second axis is the coordinate of the
+    derivative.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
@@ -119,10 +116,7 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (E, B, 3, 27) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The largest eigenvalue of the
-    right Cauchy-Green tensor C is computed in closed form (Smith 1961, Communications of the ACM 4:168). If two
-    eigenvalues are equal, the relative error of the strain is 1e-8. LAPACK takes eight times as long for matrices of
-    this size.
+    There are E elements with q Gauss points each, and B candidate laws.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -137,8 +131,6 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 class Evaluation(NamedTuple):
     """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
-
-    All values belong to the same displacements and pressures.
 
     Attributes
     ----------
@@ -171,8 +163,7 @@ class Evaluation(NamedTuple):
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
     """Return internal forces and stresses for nodal displacements (E, B, 3, 27) in mm and pressures (E, B, 4).
 
-    The mesh has E elements and the batch has B candidate laws. The pressures are coefficients of the pressure functions
-    in MPa.
+    There are E elements and B candidate laws. The pressures are in MPa.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -199,21 +190,14 @@ def _determinant(F: Array) -> Array:
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
 
-    This is the derivative of the nodal forces by the displacements at constant pressure. `beam.equilibrium` adds the
-    part that comes from the change of the pressure. The 81 unknowns of an element are ordered (component, node).
-
-    predicted: the stress that the last step of Newton's method predicts, (6, E, B, q) at q Gauss points, in MPa. The
-    part of the stiffness that is proportional to the stress is computed with it, see `beam.equilibrium`.
+    The pressure is constant. predicted: the stress in MPa that the last step of Newton's method predicts, (6, E, B, q)
+    at q Gauss points.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffnesses of the elements, group by group, so that not all of them are in memory together.
-
-    A group of e elements is an array (e, B, 81, 81) in N/mm for B candidate laws, with at most `AT_ONCE` elements. See
-    `stiffness` for the arguments and for the entries of the matrices.
-    """
+    """Yield the tangent stiffnesses of the elements in groups of e elements, (e, B, 81, 81) in N/mm, to save memory."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -240,9 +224,7 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     """Return how the volume of each element changes with its displacements, (E, B, 81, 4) in mm².
 
-    There are E elements and B candidate laws. The entries are derivatives of four numbers of an element by its 81
-    displacements. Number k is the integral of J - 1 times the pressure function k, with the determinant J of the
-    deformation gradient.
+    There are E elements and B candidate laws. The volume change is weighted by each of four pressure functions.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
@@ -259,16 +241,10 @@ def _parts(elements: int) -> list[slice]:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the stress that a linear step predicts: the six components, shape (6, E, B, q), in MPa.
+    """Return the stress that one linear step of Newton's method predicts: six components, (6, E, B, q), in MPa.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. A step changes the
-    displacements by ``step`` (E, B, 3, 27) in mm and the pressures by ``pressure_step`` (E, B, 4) in MPa. These changes
-    give the changes dE of the Green strain and dp of the pressure. The predicted stress is
-
-        S + D : dE + J C^-1 dp,
-
-    with the stress S before the step (second Piola-Kirchhoff), its derivative D by the Green strain, the determinant J
-    of the deformation gradient F, and C = F^T F.
+    There are E elements with q Gauss points each, and B candidate laws. step, pressure_step: changes of the
+    displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

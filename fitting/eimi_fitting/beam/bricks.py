@@ -17,9 +17,6 @@ Array = NDArray[np.float64]
 class Bricks:
     """A structured mesh of E hexahedra with N nodes.
 
-    Node numbers increase slowest along the beam. They increase fastest across or in depth, in the direction that has
-    fewer nodes. This order makes the band of the stiffness matrix narrow.
-
     Attributes
     ----------
     nodes : ndarray, shape (N, 3)
@@ -61,10 +58,9 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """Return the 27-node Lagrange functions at n points of the reference cube.
+    """Return the 27-node Lagrange functions at n points of the reference cube, (n, 27), and derivatives, (n, 27, 3).
 
-    xi, eta, zeta: coordinates (n,) of the points, -1 to 1. Returns values (n, 27) and derivatives by xi, eta and zeta
-    (n, 27, 3).
+    xi, eta, zeta: coordinates (n,) of the points, -1 to 1.
     """
     (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
 

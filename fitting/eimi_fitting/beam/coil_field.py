@@ -129,11 +129,9 @@ class FieldTable:
         return first, second
 
     def derivatives(self, points_mm: Array) -> Complex:
-        """Return the field and its first and second derivatives at n points, as complex numbers of shape (6, n).
+        """Return the field B_x + i B_y at n points and its derivatives by x, y, xx, xy and yy, complex, (6, n).
 
-        The first row is the field, B_x + i B_y. The other rows are its derivatives by x, by y, and the second
-        derivatives xx, xy and yy, with lengths in mm. points_mm: coordinates (x, y) of the points in mm, (n, 2). A
-        point outside the table is replaced by the nearest point of the table's edge.
+        points_mm: coordinates (x, y) of the points in mm, (n, 2).
         """
         real, imaginary = self._splines
         x, y = points_mm.T
@@ -197,13 +195,9 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return what the curvature of the field adds to the field ratio q and to its derivatives, at B points, (6, B).
+        """Return what the curvature of the field adds to the field ratio and to its derivatives, at B points, (6, B).
 
-        q is the field at a point divided by the field at the position of the magnet at rest. It is a complex number: q
-        = 1 at this position, and the argument of q is the angle between the two fields. Let s be the coordinate along
-        the axis of the coil and t the coordinate across it, measured from the position of the magnet at rest. The
-        curvature c (``curvature_per_m2``) adds c (s^2 - t^2 / 2) to the component along the axis and -c s t to the
-        component across it. The rows of the result are in the order of `FieldTable.derivatives`.
+        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number.
         """
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
@@ -220,14 +214,9 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives of the field ratio q by x and y that ``gradient_per_m`` causes, complex, shape (2,), in 1/mm.
+        """The derivatives of the field ratio by x and y that ``gradient_per_m`` causes, complex, shape (2,), in 1/mm.
 
-        q is the field at a point divided by the field at the position of the magnet at rest, as a complex number. Let
-        s be the coordinate along the axis of the coil and t the coordinate across it, and let B_s and B_t be the
-        components of the field, divided by its strength at the position of the magnet. ``gradient_per_m`` gives the
-        two derivatives of B_s: dB_s/ds = h and dB_s/dt = g. The two derivatives of B_t follow from Maxwell's
-        equations. The field has no curl, so that dB_t/ds = g. It has no divergence, so that the derivatives of the two
-        components across the axis add up to -h. They are assumed to be equal, so that dB_t/dt = -h/2.
+        The field ratio is the field at a point divided by the field at the magnet at rest.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
@@ -298,11 +287,6 @@ class DipoleInField:
 class SiliconeInField:
     """Magnetised silicone in the field of a coil, with one dipole in the middle of each element.
 
-    The dipole of an element is the integral of F M, with the deformation gradient F and the magnetisation M at rest. F
-    is linear in the positions of the nodes. The dipole is therefore a weighted sum of these positions; ``dipoles`` has
-    the weights. The dipole lies in the middle of the element, which is another weighted sum, with the weights
-    ``shares``.
-
     Parameters
     ----------
     shape : CoilShape
@@ -328,8 +312,6 @@ class SiliconeInField:
 
     def load(self, nodal: Array) -> tuple[Array, Array]:
         """Return the magnetic forces on the nodes and the stiffness of these forces.
-
-        The energy is the sum of -m . B over the E elements, with the dipole m of each element.
 
         Parameters
         ----------

@@ -34,11 +34,9 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties that decide whether two candidates have the same depth effect.
+    """A candidate (set of parameters of a law) with its planar shape.
 
-    A candidate is a set of parameters of a law. The depth effect is the shape of the solid model minus the shape of the
-    planar model. Two candidates have the same depth effect if the properties below agree. The parameters need not be
-    compared, because different parameters give different planar shapes.
+    Solid and planar model differ by the same amount for two candidates if the properties below agree.
 
     Attributes
     ----------
@@ -68,7 +66,7 @@ class BentCandidate:
 class DepthEffect:
     """The difference between the solid and the planar model of a beam, interpolated between the solved states.
 
-    A scalar s measures the bending. d(s) is the difference of the displacements (the depth effect).
+    A number s measures the bending, and d(s) is the difference of the displacements.
 
     Attributes
     ----------
@@ -93,18 +91,14 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the depth effect d(s) (solid minus planar configuration), interpolated at one value s (``place``).
-
-        A configuration contains displacements, pressures and stresses. s measures the bending: the rotation of the tip
-        in rad, or the position of the load on the line through the loads of all states.
-        """
+        """Return the difference of the solid from the planar model at one value of the bending s (``place``)."""
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated differences d(s) of the solid from the planar model, without stresses and pressures.
+        """Return the interpolated difference of the displacements of the solid and of the planar model.
 
         Parameters
         ----------
@@ -131,48 +125,25 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return the weight of each solved state in the interpolation of the depth effect at the bending ``place``.
-
-        The depth effect is the shape of the solid model minus the shape of the planar model, as a polynomial in a
-        number that measures the bending. The weights are those of Lagrange's polynomial.
-        """
+        """Return the weight of each solved state in the interpolation at the bending ``place``."""
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences between this depth effect and its base in the solved states, as configurations.
-
-        The base is the depth effect (solid minus planar configuration) of a similar candidate law. A polynomial through
-        these differences is added to the base.
-        """
+        """The differences between this depth effect and its base (that of a similar law) in the solved states."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The bending s at which this depth effect is assumed to equal its base: the tuple (0,), or an empty tuple.
-
-        The depth effect is the shape of the solid model minus the shape of the planar model. It may be stored as a
-        correction to a base, which is the depth effect of a similar candidate law. If s is the rotation of the tip,
-        both are assumed to be equal at s = 0. The result is empty without a base, or if s is not the rotation of the
-        tip.
-        """
+        """The values of the bending at which this depth effect equals that of a similar law, its base: (0,) or none."""
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The depth effect without a base, so that it can itself be the base of another depth effect.
-
-        The depth effect d(s) is the shape of the solid model minus the shape of the planar model, at the bending s. It
-        may be stored as a correction to a base, which is the depth effect of a similar candidate law. The result has no
-        base: a new polynomial is put through d(s), base and correction together. Its values s are those at which the
-        solid model was solved for the base.
-
-        If s is the rotation of the tip, these values are first scaled, because the tips of the two candidates rotate by
-        different angles. If this object has no solved states of its own, the result is the base.
-        """
+        """The same depth effect, stored without reference to the depth effect of a similar law (its base)."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -180,21 +151,14 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect can be the base to which another candidate law only adds a correction.
+        """Return whether this depth effect is valid for all states of another candidate law.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a number
-        s that measures the bending. places: the values s in all states of the other candidate. All of them must lie in
-        the range of s in which this depth effect is valid: the range of the solved states, extended by a tenth of its
-        length at both ends.
+        places: the values of the bending s in these states.
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the polynomial d(s) is valid at each of K values s (``places``), shape (K,).
-
-        d(s) is the shape of the solid model minus the shape of the planar model at the bending s. The polynomial is
-        valid in the range of the solved values s, which is extended by a tenth of its length at both ends.
-        """
+        """Return whether this depth effect is valid at each of K values of the bending (``places``), shape (K,)."""
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
@@ -202,10 +166,7 @@ class DepthEffect:
     def thinned(self, most: int) -> DepthEffect:
         """Return this depth effect, interpolated through at most ``most`` of its solved states.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model, as a function of a scalar
-        s that measures the bending. The first state that is kept has the largest abs(s). Each further state is the one
-        for which the product of its distances in s from the states already kept is largest. A polynomial through many
-        equidistant values s would be inaccurate near the ends of the range. ``base`` must be None.
+        It must have no base.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -218,8 +179,6 @@ class DepthEffect:
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
         """Return this depth effect with one more solved state.
 
-        The depth effect is the shape of the solid model minus the shape of the planar model.
-
-        ``place`` is the value s of the state, which measures the bending; ``difference`` is its difference d.
+        place: the bending s of the state. difference: solid minus planar shape.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -149,8 +149,8 @@ def mixed(batch: Batch) -> bool:
 def gradients(ops: Operators, nodal: Array) -> Array:
     """Return the displacement gradients (2, 2, E, B, q) for nodal displacements (E, B, 2, 9) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. The first axis is the
-    component of the displacement, the second axis is the coordinate of the derivative.
+    There are E elements with q Gauss points each, and B candidate laws. The second axis is the coordinate of the
+    derivative.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
@@ -160,7 +160,7 @@ def gradients(ops: Operators, nodal: Array) -> Array:
 def stretch(ops: Operators, nodal: Array) -> Array:
     """Return the largest principal stretch in the plane, (E, B, q), for nodal displacements (E, B, 2, 9) in mm.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws.
+    There are E elements with q Gauss points each, and B candidate laws.
     """
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
@@ -170,8 +170,6 @@ def stretch(ops: Operators, nodal: Array) -> Array:
 
 class Evaluation(NamedTuple):
     """Forces, stresses and strains of E elements for B candidate laws, at q Gauss points of each element.
-
-    All values belong to the same displacements and pressures.
 
     Attributes
     ----------
@@ -203,7 +201,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """B candidates that are solved together. A candidate is one set of parameters of a law.
+    """B candidates (sets of parameters of a law) that are solved together.
 
     Attributes
     ----------
@@ -229,8 +227,7 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
     """Return internal forces and stresses for nodal displacements (E, B, 2, 9) in mm and pressures (E, B, 3).
 
-    The mesh has E elements and the batch has B candidate laws. The pressures are coefficients of the pressure functions
-    in MPa.
+    There are E elements and B candidate laws. The pressures are in MPa.
     """
     F = gradients(ops, nodal)
     F[0, 0] += 1
@@ -269,12 +266,8 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
     """Return the tangent stiffness of each of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
 
-    This is the derivative of the nodal forces by the displacements at constant pressure. In plane strain,
-    `beam.equilibrium` adds the part that comes from the change of the pressure. The 18 unknowns of an element are
-    ordered (component, node).
-
-    predicted: the stress that the last step of Newton's method predicts, (3, E, B, q) at q Gauss points, in MPa. The
-    part of the stiffness that is proportional to the stress is computed with it, see `beam.equilibrium`.
+    The pressure is constant. predicted: the stress in MPa that the last step of Newton's method predicts, (3, E, B, q)
+    at q Gauss points.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -307,20 +300,14 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffness matrices of all E elements for B candidate laws, as one array (E, B, 18, 18).
-
-    An iterator is returned because the matrices of solid elements are yielded in several groups, to save memory. Planar
-    elements need only one group. `stiffness` describes the arguments and the matrices.
-    """
+    """Yield the tangent stiffness matrices of all E elements for B candidate laws, as one array (E, B, 18, 18)."""
     yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return by how much the volume of each element differs from the volume that its pressure requires.
+    """Return by how much each element's volume differs from the volume that its pressure requires, (E, B, 3).
 
-    The result has three numbers for each of E elements and B candidate laws, (E, B, 3), which are zero at equilibrium.
-    Number k is the integral of (J - 1 - p / K) times the pressure function k. Here J is the determinant of the
-    deformation gradient, p is the pressure and K is the bulk modulus.
+    The three numbers, for E elements and B candidate laws, are zero at equilibrium.
     """
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
@@ -329,9 +316,7 @@ def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) ->
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
     """Return how the volume of each element changes with its displacements, (E, B, 18, 3) in mm.
 
-    There are E elements and B candidate laws. The entries are derivatives of three numbers of an element by its 18
-    displacements. Number k is the integral of J - 1 times the pressure function k, with the determinant J of the
-    deformation gradient.
+    There are E elements and B candidate laws. The volume change is weighted by each of three pressure functions.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
@@ -341,17 +326,10 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress that a linear step predicts: components 11, 22, 12, shape (3, E, B, q), in MPa.
+    """Return the stress that one linear step of Newton's method predicts: 11, 22 and 12, (3, E, B, q), in MPa.
 
-    The mesh has E elements with q Gauss points each, and the batch has B candidate laws. A step changes the
-    displacements by ``step`` (E, B, 2, 9) in mm and the pressures by ``pressure_step`` (E, B, 3) in MPa. These changes
-    give the changes dE of the Green strain and dp of the pressure. The predicted stress is
-
-        S + D : dE + J C^-1 dp,
-
-    with the stress S before the step (second Piola-Kirchhoff), its derivative D by the Green strain, the determinant J
-    of the deformation gradient F, and C = F^T F. In plane stress, ``pressure_step`` is None and the last term is
-    absent.
+    There are E elements with q Gauss points each, and B candidate laws. step, pressure_step: changes of the
+    displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3), or None in plane stress.
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

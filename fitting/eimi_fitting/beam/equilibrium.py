@@ -46,9 +46,9 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh in one state, with one row for each of B candidate laws or one row for all; see `beam.actuation`.
+    """Loads on a mesh in one state, with one row for each of B candidate laws or one row for all.
 
-    All loads are per mm of depth if the mesh is planar. The mesh has N nodes with d coordinates.
+    The mesh has N nodes with d coordinates. All loads are per mm of depth if the mesh is planar.
 
     Attributes
     ----------
@@ -77,9 +77,7 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """The unknowns of B candidate laws in one state: displacements, motion of the rigid body, pressures and stresses.
-
-    A linear combination of the configurations in solved states is the start for the solution of the next state.
+    """Displacements, motion of the rigid body (the magnet), pressures and stresses of B candidate laws in one state.
 
     The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
 
@@ -105,10 +103,7 @@ class Configuration:
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite displacements, pressures and stresses of some candidate laws by those of ``other``, in place.
-
-        Row i of ``other`` becomes the configuration of the candidate with the number ``rows[i]``.
-        """
+        """Overwrite the shapes of the candidate laws with the numbers ``rows`` by those of ``other``, in place."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -230,11 +225,7 @@ class Solid:
 
     @property
     def kind(self) -> Any:
-        """The module of the element: `beam.element` in two dimensions, or `beam.brick` in three.
-
-        Both modules have the same functions. The module is not stored, because a module cannot be pickled with the
-        solid.
-        """
+        """The module of the element: `beam.element` in two dimensions, or `beam.brick` in three."""
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
@@ -248,10 +239,7 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Copy values at the nodes, for example displacements, to the elements: from (B, N, d) to (E, B, d, n).
-
-        Each of E elements gets the values at its n nodes. There are B candidate laws and N nodes in d dimensions.
-        """
+        """Copy values at the N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n)."""
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
@@ -259,7 +247,7 @@ class Solid:
     def stretch(self, displacement: Array) -> Array:
         """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (B, N, d) in mm.
 
-        There are B candidate laws and N nodes in d dimensions, and E elements with q Gauss points each.
+        There are B candidate laws, N nodes, and E elements with q Gauss points each.
         """
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
@@ -338,12 +326,7 @@ class Solid:
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Find the equilibrium of B candidate laws by Newton's method, and check whether it is stable.
 
-        The method ends when every node moves by less than ``tolerance_mm`` in a step. An equilibrium is stable if the
-        second derivative of the potential is positive definite. This derivative is the tangent stiffness of the last
-        step, after the pressures are eliminated. A candidate in an unstable equilibrium is marked as BUCKLED. (The
-        status UNSTABLE belongs to the law, and is not set here.) The stability is not checked if a pressure acts on a
-        face, because such a pressure has no potential. Buckling that the mesh cannot represent is not found: buckling
-        out of the plane of a planar mesh, and buckling of a solid mesh that is not symmetric about mid-depth.
+        The stability is not checked if a pressure acts on a face.
 
         Parameters
         ----------
@@ -409,9 +392,8 @@ class Solid:
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
     """Add a further stiffness to the tangent stiffnesses of the elements, and yield the sums, group by group.
 
-    tangents: arrays with the tangent stiffnesses of consecutive groups of elements. further: a function that takes the
-    slice of a group's element numbers and returns the stiffness to add to these elements, for example the stiffness of
-    the volume or of a magnetic load.
+    tangents: the stiffnesses of consecutive groups of elements. further: function that returns the stiffness to add to
+    the elements with the given numbers.
     """
     first = 0
     for K in tangents:

@@ -31,11 +31,9 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the coordinates y of the mesh lines at a narrow magnet, and the number of elements on one side of it.
+    """Return the coordinates y in mm of the mesh lines at a narrow magnet, and the number of elements beside it.
 
-    Across its width, the beam consists of silicone, the magnet and silicone; y = 0 is the middle of the magnet. The
-    mesh lines, in mm, follow the sides of the magnet. The number counts the elements in the silicone on one side.
-    across: the number of elements across a beam without such a magnet.
+    The number is that on one side. across: the number of elements across a beam without such a magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -48,9 +46,8 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 def _count(along: int, relative_length: float) -> int:
     """Return the number of elements along the magnet, or along the silicone between the magnet and the tip.
 
-    The elements become about as long as those of the flexible part. The number is at least 2 and at most twice the
-    number of elements of the flexible part (``along``). relative_length: the length of the magnet or of the silicone,
-    divided by the length of the flexible part.
+    along: number of elements along the flexible part. relative_length: length of the magnet or silicone, divided by the
+    length of the flexible part.
     """
     return max(2, min(round(along * relative_length), 2 * along))
 
@@ -58,9 +55,7 @@ def _count(along: int, relative_length: float) -> int:
 class Grid:
     """The planar mesh of a specimen.
 
-    Elements are shorter near the clamp, and also near the magnet if there is a magnet. Away from the clamp and the
-    magnet, the size of the elements approaches the normal size within about half a width of the beam. The disturbance
-    of a clamped end decays over a similar distance.
+    The elements are shorter near the clamp and near the magnet.
 
     Parameters
     ----------
@@ -151,18 +146,13 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y) of the straight strip that correspond to points at rest, (n, 2) in mm.
-
-        The straight strip is a straight beam of constant width, which is mapped to the shape of the specimen at rest.
-        """
+        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
 
-        points_mm: coordinates (x, y) of the points, (n, 2). The straight strip is a straight beam of constant width,
-        which is mapped to the rest shape. If a face of the magnet is also a face of the specimen, a point beyond this
-        face counts as a point in the block.
+        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
@@ -175,8 +165,7 @@ class Grid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the nine nodes of the element around each of n points, and their weights, (n, 9) each.
 
-        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: coordinates x
-        and y of the points in the straight strip (the beam before it is mapped to its rest shape), (n, 2).
+        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
 
         Raises
         ------
@@ -204,8 +193,7 @@ class Grid:
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return the nine nodes that share a force at a point (x, y), and their shares of the force, (1, 9) each.
 
-        point_mm: the point in the straight strip (a straight beam of constant width, which is mapped to the rest
-        shape).
+        point_mm: the point in the straight beam that is mapped to the beam at rest.
         """
         return self.place(point_mm)
 

@@ -89,7 +89,7 @@ class Inertia:
     def of_body(self, angle_rad: Array) -> Array:
         """Return the mass matrices (B, 3, 3) of the rigid body (the magnet) at B rotations (B,) in rad.
 
-        The three unknowns are the translation (x, y) and the rotation; the module `beam.inertia` has the matrix.
+        The three unknowns are the translation (x, y) and the rotation.
         """
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         x, y = self.body_arm_mm
@@ -102,10 +102,7 @@ class Inertia:
 
 
 def _squares(model: BeamModel | SolidModel) -> Array:
-    """Return the integrals of the products of two shape functions over each of E elements with n nodes, (E, n, n).
-
-    The integrals use three Gauss points in each direction.
-    """
+    """Return the integrals of the products of two shape functions over each of E elements with n nodes, (E, n, n)."""
     place, weight = np.polynomial.legendre.leggauss(3)
     d = model.mesh.nodes.shape[1]
     local = [axis.ravel() for axis in np.meshgrid(*[place] * d, indexing="ij")]

@@ -35,23 +35,16 @@ _EQUAL = 1e-5
 
 @runtime_checkable
 class InvariantLaw(Protocol):
-    """The interface of a hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2.
-
-    The strain energy W is the sum of a function of I1 and a multiple of I2.
-    """
+    """A hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3.
-
-        The other second derivatives are zero.
-        """
+        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:
     """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...).
 
-    For the deformation gradient F and the second Piola-Kirchhoff stress, the product is the first Piola-Kirchhoff
-    stress. The six components are 11, 22, 33, 12, 23, 13.
+    The six components are 11, 22, 33, 12, 23, 13.
     """
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
@@ -71,9 +64,7 @@ def _outer(a: Array, b: Array) -> Array:
 def _inverse_product(B: Array) -> Array:
     """Return the matrix that gives the product B dE B for any symmetric tensor dE, (6, 6, ...).
 
-    B is a symmetric tensor, (6, ...). The product is needed for the derivative of the inverse of the right
-    Cauchy-Green tensor, B = C^-1: a change dE of the Green strain changes B by -2 B dE B. The columns of the matrix
-    belong to the components dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
+    B is a symmetric tensor, (6, ...). The columns belong to dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
     """
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
@@ -124,12 +115,9 @@ def _adjugate(C: Array) -> Array:
 
 
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
-    """Add the contribution of a pressure p to the stress S and to its derivative D by the Green strain, in place.
+    """Add the contribution of a pressure to the stress S (6, ...) and to its derivative D (6, 6, ...), in place.
 
-    The contribution to S is p J C^-1, with the determinant J of the deformation gradient and the right Cauchy-Green
-    tensor C. The contribution to D is the derivative of p J C^-1 by the Green strain, at constant p. ``volume`` is J
-    C^-1. The first axis of ``volume`` and of S, and the first two axes of D, have the six components 11, 22, 33, 12,
-    23, 13.
+    volume: derivative of S by the pressure, (6, ...). J: determinant of the deformation gradient.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))

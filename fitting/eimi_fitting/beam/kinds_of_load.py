@@ -20,10 +20,6 @@ States = NDArray[np.intp]
 class UniformField:
     """A uniform magnetic field on the magnet and on magnetised silicone.
 
-    The energy of hard-magnetic silicone is the integral of -B . F M, with the field B, the deformation gradient F and
-    the magnetisation M at rest. This energy is linear in the displacements, and therefore the nodal forces are dead
-    loads (Zhao, Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
-
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
@@ -37,13 +33,7 @@ class UniformField:
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone.
-
-        A dead force keeps its direction and size.
-
-        The torque is described by the tensor Q = B m^T, which is added to ``SolidLoads.tensor``. B is the field in T
-        times ``field_factor``. The vector m is the magnet's dipole at rest, ``mesh.magnet_dipole``.
-        """
+        """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
         if mesh.nodal_dipole.any():
@@ -70,10 +60,7 @@ class CoilField:
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the coil's field: on the magnet, and on magnetised silicone.
-
-        The loads depend on the positions of magnet and silicone in the deformed beam.
-        """
+        """Add the loads of the coil's field: on the magnet, and on magnetised silicone."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -130,7 +117,7 @@ class TipForce:
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on the face of the specimen that ``Specimen.pressure_face`` describes; see `beam.pressure`.
+    """A pressure on the face of the specimen that ``Specimen.pressure_face`` describes.
 
     Parameters
     ----------

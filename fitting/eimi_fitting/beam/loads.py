@@ -174,7 +174,7 @@ class Loads:
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
         """Return a function that computes the loads on the given mesh in one state.
 
-        The function takes two arrays: the m numbers that describe the loads in the state, such as the components of the
-        field, shape (m,), and a factor on the magnetic loads for each of B candidate laws, shape (B,).
+        Its arguments are the m numbers that describe the loads, (m,), and a factor on the magnetic loads for each of B
+        candidate laws, (B,).
         """
         return partial(mesh.loads, self.actuations)

@@ -18,9 +18,6 @@ _FINER_AT_STEP = 5.0
 class Mesh:
     """A structured mesh of E quadrilaterals with N nodes.
 
-    Node numbers increase fastest across the beam. This order makes the band of the stiffness matrix as narrow as
-    possible.
-
     Attributes
     ----------
     nodes : ndarray, shape (N, 2)
@@ -78,14 +75,10 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Divide a length into n elements that are shorter at its ends; return their n + 1 boundaries in mm, increasing.
+    """Divide a length into elements that are shorter at its ends; return their boundaries in mm, increasing.
 
-    Let x be the distance from the start. Near the start, there are 1 + a exp(-x / fade_mm) times as many elements per
-    mm as in the middle, with a = ``finer_at_start``. The elements near the end become shorter in the same way, with
-    ``finer_at_end``.
-
-    ``steps_mm`` has coordinates that must be boundaries of elements. Elements near them are shorter too. Elements are
-    added for this, so that the other elements keep their size. Without ``steps_mm``, n equals ``count``.
+    finer_at_start, finer_at_end: relative increase of the number of elements per mm at the ends, which fades over
+    ``fade_mm``. steps_mm: coordinates that must be boundaries of elements.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -125,9 +118,9 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return the nine-node Lagrange functions at n points of the reference square.
+    """Return the nine-node Lagrange functions at n points of the reference square, (n, 9), and derivatives, (n, 9, 2).
 
-    xi, eta: coordinates (n,) of the points, -1 to 1. Returns values (n, 9) and derivatives by xi and eta (n, 9, 2).
+    xi, eta: coordinates (n,) of the points, -1 to 1.
     """
     (a, da), (b, db) = quadratic_line(xi), quadratic_line(eta)
     n = a.shape[0]

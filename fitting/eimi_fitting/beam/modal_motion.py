@@ -28,16 +28,13 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of the beam for B candidate laws, reduced to m shapes.
-
-    A motion of all nodes is approximated by a sum of m given shapes, so that the matrices have the size m x m. K_m is
-    the part of the stiffness due to the tangent of the law, K_g the part due to stresses and loads, and M the mass
-    matrix.
+    """The matrices of small motions of the beam for B candidate laws, reduced to m given shapes.
 
     Attributes
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        The matrices K_m and K_g in N/mm, and M in N s²/mm. They belong to the part of the specimen that has a mesh:
+        The stiffness due to the tangent of the law, the stiffness due to stresses and loads (N/mm), and the mass matrix
+        (N s²/mm). They belong to the part of the specimen that has a mesh:
         half of it in a solid model, 1 mm of its depth in a planar model.
     nodal : ndarray, shape (m, B, N, d)
         Displacements of the N nodes with d coordinates in each shape, in mm.
@@ -60,11 +57,10 @@ class ReducedMotion:
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
-        """Return the complex rates s of the lowest ``count`` vibrations of B candidate laws, (B, count) in 1/s.
+        """Return the complex rates s of the lowest vibrations exp(s t) of B candidate laws, (B, count) in 1/s.
 
-        A vibration is proportional to exp(s t). ratio: function r(s) that takes rates (B, count), and returns the
-        complex modulus at these rates, divided by the static modulus of the equilibrium. The rate of a mode that does
-        not vibrate is NaN.
+        ratio: function of the rates (B, count) that returns the complex modulus divided by the static modulus. The rate
+        of a mode that does not vibrate is NaN.
         """
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
@@ -80,8 +76,6 @@ def complex_roots(
     material: Array, rest: Array, mass: Array, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3
 ) -> ComplexArray:
     """Return the complex rates s of damped vibrations, the solutions of det(r(s) K_m + K_g + s² M) = 0.
-
-    Only rates with a positive imaginary part (frequency) are returned.
 
     Parameters
     ----------
@@ -115,13 +109,10 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s of the vibrations of a viscoelastic beam, by fixed-point iteration.
+    """Return the complex rates s of the vibrations of a viscoelastic beam, the solutions of s² = -lambda(r(s)).
 
-    Let r be the modulus in the vibration, divided by the static modulus. If r were a fixed number, a mode would have
-    the rate s with s² = -lambda(r). Here lambda(r) is an eigenvalue of the stiffness r K_m + K_g and the mass matrix;
-    K_m is the stiffness due to the tangent of the law, and K_g the stiffness due to stresses and loads. But the ratio
-    r(s) of a viscoelastic material depends on s. The equation s² = -lambda(r(s)) is therefore solved by iteration: r(s)
-    at the last s gives the next s. Aitken's method accelerates the convergence.
+    r is the complex modulus divided by the static modulus, and lambda an eigenvalue (squared angular frequency) with
+    the modulus ratio r.
 
     Parameters
     ----------
@@ -156,13 +147,11 @@ def fixed_point(
 
 
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
-    """Return the lowest squared angular frequencies for each of q modulus ratios r, (B, q, count) in 1/s².
+    """Return the lowest squared angular frequencies for each of q modulus ratios, (B, q, count) in 1/s².
 
-    The ratio r (``stiffening``, shape (q,)) is the modulus in a vibration divided by the static modulus. The squared
-    frequencies are the eigenvalues of the stiffness r K_m + K_g and the mass matrix M.
-
-    material, rest, mass: the matrices K_m (stiffness due to the tangent of the law), K_g (stiffness due to stresses and
-    loads) and M of B candidate laws, reduced to m shapes, (B, m, m) each.
+    material, rest, mass: for B candidate laws, the stiffness due to the tangent of the law, the stiffness due to
+    stresses and loads, and the mass, (B, m, m) each. stiffening: modulus in the vibration divided by the static
+    modulus, (q,).
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -171,14 +160,8 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return the two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each.
 
-    The arguments are matrices of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law
-    (``material``), the stiffness due to stresses and loads (``rest``), and the mass matrix. In the new coordinates, the
-    eigenvalues of r times the first stiffness plus the second are squared angular frequencies, for any number r.
-
-    Some of the m shapes may be linearly dependent. The mass matrix is then nearly singular, and there are fewer than m
-    independent motions. The superfluous coordinates get a very large stiffness, so that their frequencies lie above all
-    others. For a candidate with an entry that is not finite, the mass matrix is replaced by the identity, and the two
-    stiffness matrices by zero.
+    material, rest, mass: for B candidate laws, the stiffness due to the tangent of the law, the stiffness due to
+    stresses and loads, and the mass, (B, m, m) each.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

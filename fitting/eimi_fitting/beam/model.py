@@ -21,11 +21,10 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """The planar model of a specimen. The model is built once and can be solved for any number of candidate laws.
+    """The planar model of a specimen, for any number of candidate laws.
 
-    The magnet is rigid. Loads and stiffnesses are per mm of depth. If the depth of the magnet is smaller than the depth
-    of the beam, the silicone in front of the magnet and behind it, seen from the camera, moves rigidly with the magnet.
-    `Beam` chooses between this model and the solid model.
+    The magnet is rigid, with the silicone in front of it and behind it, seen from the camera. Loads and stiffnesses are
+    per mm of depth.
 
     Parameters
     ----------
@@ -110,8 +109,7 @@ class BeamModel:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the nine nodes of the element around each of n material points, and their weights, (n, 9) each.
 
-        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: positions (x, y)
-        of the points at rest, shape (n, 2).
+        points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
         Raises
         ------
@@ -134,12 +132,9 @@ class BeamModel:
         return points + self.displacements(shapes, self.grid.straightened(points))
 
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
-        """Return the displacements of n points of the straight strip (`beam.strip`), (P, K, n, 2) in mm.
+        """Return the displacements of n points for P candidate laws in K states, (P, K, n, 2) in mm.
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
-
-        There are P candidate laws and K states. straight_mm: coordinates x and y of the points in the strip,
-        shape (n, 2).
+        straight_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
 
         Raises
         ------
@@ -194,11 +189,6 @@ class BeamModel:
     ) -> Shapes:
         """Find the equilibrium of P candidate laws in K states, one state after another.
 
-        The solution of the first state begins at rest or at ``start``. The solution of each later state begins at an
-        extrapolation of the states before it. If the step from one state to the next fails, the step is divided into
-        smaller steps. If the smallest steps fail too, the status of this state and of all later states reports the
-        failure, and the candidate is no longer computed.
-
         Parameters
         ----------
         law : Law
@@ -238,10 +228,7 @@ class BeamModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
-
-        There are P candidate laws and K states.
-        """
+        """Return the largest principal stretch in each of E elements for P candidate laws in K states, (P, K, E)."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
         return flat.max(axis=2).T.reshape(p, k, -1)

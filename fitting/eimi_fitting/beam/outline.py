@@ -39,15 +39,6 @@ def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
 
-    The left and the right face of the beam consist of lines through the depth, one at each station (cross-section)
-    along the beam. The camera looks almost along these lines, so that a line appears as a point or as a short curve.
-    The point of each line that appears farthest in the direction of the outward normal belongs to the outline. This
-    point may lie at any depth. In a planar model the lines are straight and normal to the plane of the beam.
-
-    In perspective, the two ends of a line may appear at different distances from the clamp. Points of the face that
-    appear at the same distance are then compared in place of the points of one line. The outline may follow the near
-    border of the face in one part of the beam and the far border in another. It changes between them without a step.
-
     Parameters
     ----------
     model : BeamModel, SolidModel or SolidBeside
@@ -60,8 +51,7 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
-        The left outline, then the right outline, each as S quadratic segments of three points (x, y); see
-        `edge_curves`.
+        The left outline, then the right outline, each as S quadratic segments of three points (x, y).
 
     Raises
     ------
@@ -97,8 +87,8 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
     """Return the left and right face of a solid model as points in mm, (P, K, 2, stations, nodes in depth, 3).
 
-    There are P candidate laws and K states. At each station along the beam the points are the deformed nodes, ordered
-    from mid-depth, z = 0, to z = depth / 2.
+    There are P candidate laws and K states. At each station along the beam the points lead from mid-depth to the
+    surface.
     """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
@@ -108,8 +98,8 @@ def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
     """Return points on the left and right face of a planar model in mm, (P, K, 2, stations, 3, 3).
 
-    There are P candidate laws and K states. At each station along the beam there are three points, from mid-depth, z =
-    0, to z = depth / 2.
+    There are P candidate laws and K states. At each station along the beam three points lead from mid-depth to the
+    surface.
     """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
@@ -139,14 +129,8 @@ def _outward(curves: Array) -> Array:
 def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
     """Return the points at which the lines along one face of the beam cross the normals of the beam in the picture.
 
-    The face (left or right) consists of m lines along the beam, one at each depth. Each line has a point (x, y) at each
-    of n stations along the beam, ``lines`` (..., n, m, 2), and is quadratic between them. At each station, ``middle``
-    (..., n, 2) is the point at mid-depth, and ``normal`` (..., n, 2) the normal of the beam through this point. The
-    result has the point at which each line crosses each normal, in the shape of ``lines``.
-
-    The outline is chosen among these points, and not among the points ``lines``. In perspective, the near and the far
-    point of a station may appear farther apart along the beam than two neighbouring stations. An outline through such
-    points could turn back.
+    lines: points (x, y) of m lines at n stations along the beam, (..., n, m, 2). middle, normal: at each station, the
+    point at mid-depth and the normal of the beam, (..., n, 2).
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
@@ -174,10 +158,8 @@ def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
 def _farthest(lines: Array, normal: Array) -> Array:
     """Return the point of each of n lines that lies farthest in the direction ``normal`` in the picture, (..., n, 2).
 
-    A line runs through the depth of the beam on its left or right face, at one of n stations along the beam. It has D
-    elements and is seen in the picture as D quadratic segments, given by 2 D + 1 points (x, y): ``lines`` has the shape
-    (..., n, 2 D + 1, 2). ``normal`` (..., n, 2) is the outward normal at each station. The points that are returned lie
-    on the visible outline of the beam.
+    lines: points (x, y) of D quadratic segments through the depth, (..., n, 2 D + 1, 2). normal: the outward normals,
+    (..., n, 2).
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
@@ -190,10 +172,7 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2).
-
-    Each quadratic segment is given by three points (x, y), and is divided into ``per_segment`` straight pieces.
-    """
+    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2)."""
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
     inner = np.einsum("...sad,ax->...sxd", curves, shape)

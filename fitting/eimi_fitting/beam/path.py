@@ -49,8 +49,7 @@ LoadsAt = Callable[[Array, Array], SolidLoads]
 class Shapes:
     """The deformed shapes of the beam for P candidate laws in K states.
 
-    The mesh has N nodes in d dimensions. For a state that could not be solved, the arrays contain the last
-    configuration that was reached. ``status`` tells which states were solved.
+    The mesh has N nodes in d dimensions. A state that could not be solved has the last shape that was reached.
 
     Attributes
     ----------
@@ -85,11 +84,7 @@ class Shapes:
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return the shapes of the given candidate laws only; a candidate may occur more than once.
-
-        The configurations ``every`` belong to the first candidate. They are kept only if this candidate is also the
-        first of the given candidates.
-        """
+        """Return the shapes of the given candidate laws only; a candidate may occur more than once."""
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -103,7 +98,7 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Candidates:
-    """P candidates that are solved together. A candidate is one set of parameters of a hyperelastic law.
+    """P candidates (sets of parameters of a hyperelastic law) that are solved together.
 
     Attributes
     ----------
@@ -189,7 +184,7 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Return the shapes of all candidate laws in K states, solved one state after another; see `BeamModel.solve`.
+    """Return the shapes of all candidate laws in K states, solved one state after another.
 
     Parameters
     ----------
@@ -247,11 +242,9 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Return the shapes in many states, all solved together, or None if this does not succeed.
+    """Return the shapes in many states, all solved together, or None if a solution fails.
 
-    near: the configurations of a similar beam, one row for each state, from which the solutions begin. All solutions
-    must succeed. The result is None if, for any candidate law in any state, Newton's method does not converge in a few
-    iterations or finds strains that are much larger than the strains in ``near``.
+    near: the configurations of a similar beam, one row for each state, from which the solutions begin.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -285,10 +278,7 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark converged states as UNSTABLE if the law is not stable up to the largest stretch of the state.
-
-    By Drucker's criterion, a law is stable if a larger strain always needs a larger stress.
-    """
+    """Mark converged states as UNSTABLE if the law is not stable up to the largest stretch of the state."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -306,18 +296,9 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Solve the states of the candidate laws ``rows`` under a new load, and repeat failed solutions in smaller steps.
+    """Solve the states of the candidate laws ``rows`` under a new load; return status and number of iterations.
 
-    If ``near`` is given, the first attempt begins at this configuration, which belongs to a load close to the new load.
-    The other attempts begin at the last state of ``path`` and reach the new load in 1, 4, 16 and 64 steps. An attempt
-    is repeated in smaller steps only for some candidates: those whose solution failed, and those whose solution may
-    belong to another equilibrium path.
-
-    A candidate is given up if it buckles in two attempts in succession and has certainly stayed on its path. The path
-    then becomes unstable before the new load is reached, and smaller steps would not help.
-
-    The new configurations are written into ``now``, except for candidates that do not reach the load. Returns the
-    status and the number of iterations of each of ``rows``.
+    now: the configurations, which are changed in place. near: a configuration at which the first attempt begins.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
@@ -357,13 +338,8 @@ def _divided(
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
     """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the last state of the path.
 
-    Returns the configuration, the status and the number of iterations as `Solid.equilibrium` does, and one bool for
-    each of ``rows``: True if the solution certainly belongs to the same equilibrium path. If Newton's method needs many
-    iterations, it may end at an equilibrium of another path (Deuflhard 2011, Newton Methods for Nonlinear Problems,
-    section 5.1). The bool is therefore True only if every step needed few iterations and its largest strain was not
-    much larger than predicted.
-
-    only_try: True to give up a candidate as soon as its tangent stiffness is not positive definite.
+    Returns configuration, status, number of iterations, and whether the solution certainly belongs to the same path.
+    only_try: give up a candidate as soon as its stiffness is not positive definite.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -411,12 +387,9 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the solved beam is strained about as much as predicted, for each of B candidate laws, shape (B,).
+    """Return whether the solved beam is strained about as much as predicted, for each of B candidate laws, (B,).
 
-    The strain of the predicted shape and the strain of the solved shape are compared, each where it is largest. A much
-    larger strain in the solved shape is a sign of a corner of the mesh that is folded over.
-
-    predicted: the configurations at which Newton's method began. solved: the configurations at which it ended.
+    predicted: the configurations at which Newton's method began. solved: those at which it ended.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
@@ -427,11 +400,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Return the configuration under a new load, extrapolated from the last solved states by Lagrange's polynomial.
-
-    ``path`` has these states with their loads. The last two loads and the new load must lie on a straight line, in this
-    order and not too close together. Otherwise the result is None.
-    """
+    """Return the configuration under a new load, extrapolated from the solved states in ``path``, or None."""
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

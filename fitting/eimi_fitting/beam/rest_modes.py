@@ -66,9 +66,7 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table of a rest shape with a mode added to its values.
-
-    A table with few rows cannot represent the mode. Rows are therefore inserted between its rows.
+    """Return a table of a rest shape with a mode (a smooth deviation) added to its values.
 
     Parameters
     ----------
@@ -103,7 +101,7 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
     Parameters
     ----------
     bends_mm : sequence of float
-        Amplitudes of the modes in mm, see `with_modes`.
+        Amplitudes of the modes in mm.
     along : ndarray, shape (n,)
         Arc length from the clamp, divided by the length of the flexible part.
     """
@@ -113,8 +111,8 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
     """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    A mode is a smooth deviation from the rest shape, scaled so that its largest offset is the length l of the flexible
-    part. The angle is in rad, and the offset is divided by l. x: arc length from the clamp, divided by l.
+    x: arc length from the clamp. Arc length and offset are divided by the length of the flexible part; the angle is in
+    rad.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

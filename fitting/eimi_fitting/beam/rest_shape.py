@@ -75,9 +75,9 @@ class RestShape:
 
 
 def table_at(rows: Rows, shares: Array) -> Array:
-    """Return the value of a table at fractions of the beam's length, in the shape of ``shares``; 0 for an empty table.
+    """Return the values of a table at fractions of the beam's length, in the shape of ``shares``; 0 without rows.
 
-    Each row of the table consists of a fraction of the length and a value. The rows are connected by straight lines.
+    rows: each has a fraction of the length and a value.
     """
     if not rows:
         return np.zeros(np.shape(shares))

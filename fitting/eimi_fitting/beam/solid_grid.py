@@ -28,9 +28,8 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
     """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the face.
 
-    If the magnet is less deep than the beam, one of the lines is the face of the magnet, with at least two elements on
-    either side of it. magnet_depth: depth of the magnet in mm. more: number of elements to add over half of the depth;
-    the part inside the magnet's depth and the part outside get this number each.
+    magnet_depth: depth of the magnet in mm. more: number of elements to add over half of the depth, inside and outside
+    the magnet's depth.
     """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
@@ -99,9 +98,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points of the straight strip that correspond to n points of the specimen at rest, in mm.
-
-        The straight strip is a straight beam of constant width and depth, which is mapped to the rest shape.
+        """Return the points of a straight beam that correspond to n points of the beam at rest, in mm.
 
         points_mm: positions (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
         """
@@ -112,10 +109,10 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points of the straight strip lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
 
-        points_mm: positions (x, y, z) in mm, (n, 3), or (x, y), (n, 2), for points at mid-depth. The straight strip is
-        a straight beam of constant width and depth, which is mapped to the rest shape.
+        points_mm: positions (x, y, z), (n, 3), or (x, y), (n, 2), in the straight beam that is mapped to the beam at
+        rest.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
@@ -126,9 +123,7 @@ class SolidGrid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the 27 nodes of the element around each of n points, and their weights, (n, 27) each.
 
-        The displacement of a point is the weighted sum of the displacements of these nodes. points_mm: positions (x, y,
-        z) of the points in the straight strip (the beam before it is mapped to its rest shape), (n, 3). A point with z
-        < 0 is replaced by its mirror image.
+        points_mm: positions (x, y, z) of the points in the straight beam that is mapped to the beam at rest, (n, 3).
 
         Raises
         ------
@@ -155,9 +150,8 @@ class SolidGrid:
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return the nodes that share a force at a point (x, y), and their shares of the force, (m, 27) each.
 
-        The force is spread evenly through the depth, over m points with the same x and y. A row has the 27 nodes of the
-        element around one of these points. All shares add up to 1. point_mm: position (x, y) of the force in the
-        straight strip (the beam before it is mapped to its rest shape).
+        The force is spread over m places through the depth. point_mm: the point in the straight beam that is mapped to
+        the beam at rest.
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 
 class SolidModel:
-    """The finite-element model of a specimen in three dimensions. ``Specimen.section`` is ignored.
+    """The finite-element model of a specimen in three dimensions.
 
-    The magnet is rigid. The silicone around the magnet deforms.
+    The magnet is rigid; the silicone around it deforms.
 
     Parameters
     ----------
@@ -113,10 +113,7 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch at the Gauss points of each of E elements, shape (P, K, E).
-
-        There are P candidate laws and K states.
-        """
+        """Return the largest principal stretch in each of E elements for P candidate laws in K states, (P, K, E)."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)

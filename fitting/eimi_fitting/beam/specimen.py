@@ -17,11 +17,9 @@ STANDARD_GRAVITY = 9.80665  # m / s²
 
 @dataclass(frozen=True)
 class Magnet:
-    """A block magnet in the middle of the beam's width. By default it is magnetised along the beam, toward the tip.
+    """A block magnet in the middle of the beam's width.
 
-    The magnet ends at the tip of the beam, or ``tip_offset_mm`` before the tip. If the specimen is wider, longer or
-    deeper than the magnet, silicone surrounds the magnet. In a planar model the silicone in front of the magnet and
-    behind it, seen from the camera, moves rigidly with the magnet.
+    By default it is magnetised along the beam, toward the tip.
 
     Parameters
     ----------
@@ -87,10 +85,9 @@ class PressureFace:
 
 @dataclass(frozen=True)
 class Specimen:
-    """A beam that is clamped at x = 0. It is straight, with constant width and depth, unless ``rest_shape`` is given.
+    """A beam that is clamped at x = 0.
 
-    The beam frame has its origin in the middle of the clamped section, x along the beam and y across it. The width is
-    along y. The depth is normal to the plane of the picture.
+    The origin is the middle of the clamped section. x is along the beam, y across it (width), and z in depth.
 
     Parameters
     ----------
@@ -139,11 +136,7 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """The section of a planar model of this specimen.
-
-        For a solid section it is plane stress, because the error of plane stress is smaller than the error of plane
-        strain.
-        """
+        """The section of a planar model of this specimen."""
         return "plane-stress" if self.section == "solid" else self.section
 
     @property
@@ -154,8 +147,8 @@ class Specimen:
 
     @property
     def field_place_mm(self) -> float:
-        """The distance in mm from the clamp to the point at which the strength of a field is specified.
+        """The distance in mm from the clamp to the middle of the magnet; without a magnet, to the middle of the beam.
 
-        This point is the middle of the magnet. Without a magnet it is the middle of the beam.
+        The strength of a field is specified there.
         """
         return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

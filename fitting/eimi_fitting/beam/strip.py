@@ -97,7 +97,7 @@ class Strip:
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle of the centre line at n arc lengths, (n,) in rad. The angle is constant along a magnet."""
+        """Return the angle of the centre line at n arc lengths, (n,) in rad."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -118,9 +118,9 @@ class Strip:
         )
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the positions (x, y) at rest of n points (x, y) of the straight strip, (n, 2) in mm.
+        """Return the positions (x, y) at rest of n points (x, y) of a straight beam, (n, 2) in mm.
 
-        The straight strip is a straight beam of constant width, which is mapped to the rest shape.
+        The straight beam has a constant width and is mapped to the shape at rest.
         """
         points = np.asarray(straight_mm, float)
         if self.is_straight:
@@ -133,9 +133,9 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Return the points (x, y) of the straight strip that correspond to n points (x, y) at rest, (n, 2) in mm.
+        """Return the points (x, y) of a straight beam that correspond to n points (x, y) at rest, (n, 2) in mm.
 
-        The straight strip is a straight beam of constant width, which `at_rest` maps to the rest shape.
+        The straight beam has a constant width and is mapped to the shape at rest.
         """
         places = np.asarray(places_mm, float)
         if self.is_straight:
@@ -160,14 +160,10 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances from the centre line of two lines along the beam, in the straight strip and at rest.
+        """Return the distances of the magnet's side and of the edge from the centre line, in two beams.
 
-        The straight strip is a straight beam of constant width, which is mapped to the beam at rest. The first line is
-        the side of the magnet, and the second line the edge of the beam. Across the beam, the map is linear between the
-        centre line, the first line and the second line. Without a magnet, or if the magnet is as wide as the strip, the
-        first line lies half-way to the edge. The first result, (2, 1) in mm, has the distances of both lines in the
-        strip. The second result, (2, n) in mm, has their distances in the beam at rest, at n arc lengths ``s``, (n,) in
-        mm.
+        They are (2, 1) in mm in a straight beam of constant width, and (2, n) in mm in the beam at rest, at n arc
+        lengths s in mm.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -182,21 +178,16 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth at rest for n points of the straight strip, (n,) in mm.
+        """Return the distances from mid-depth at rest for n points of a straight beam of constant depth, (n,) in mm.
 
-        The straight strip is a straight beam of constant depth, which is mapped to the rest shape.
-
-        s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth in the strip in mm, (n,).
+        s: arc lengths of the points in mm, (n,); z: their distances from mid-depth in the straight beam in mm, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth in the straight strip for n points of the beam at rest, (n,) in mm.
+        """Return the distances from mid-depth in a straight beam of constant depth for n points at rest, (n,) in mm.
 
-        The straight strip is a straight beam of constant depth, which is mapped to the rest shape.
-
-        s: arc lengths of the points in mm, (n,); z: distances of the points from mid-depth at rest in mm, (n,). This
-        method is the inverse of `z_at_rest_mm`.
+        s: arc lengths of the points in mm, (n,); z: their distances from mid-depth at rest in mm, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
@@ -206,19 +197,18 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth of the beam divided by the depth of the straight strip, (n,), at n arc lengths s in mm.
+        """Return the depth of the beam divided by a constant depth, (n,), at n arc lengths s in mm.
 
-        The straight strip has constant depth and is mapped to the rest shape. None if the depth is the same everywhere.
+        None if the depth is the same everywhere.
         """
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map distances from the centre line (or from mid-depth) from the straight strip to the beam at rest, or back.
+    """Map distances from the centre line (or from mid-depth) from a straight beam to the beam at rest, or back.
 
-    The map is piecewise linear. It moves the side of the magnet from the distance ``before[0]`` to ``after[0]``, and
-    the surface of the beam from ``before[1]`` to ``after[1]``. It is linear from the centre line to the side of the
-    magnet, and linear again from there outward. value: distances of n points with their sign, (n,) in mm.
+    value: distances of n points with their sign, (n,) in mm. before, after: distances of the magnet's side and of the
+    surface, before and after the map.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
@@ -228,9 +218,6 @@ def _rescaled(value: Array, before: Array, after: Array) -> Array:
 
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
     """Return a table of the width or the depth along the beam with a short ramp in place of every step (jump).
-
-    At a step, the width jumps from a narrow part to a wide part. The ramp is cut into the wide part, because the
-    corners of the wide part bear little stress. At a face of the magnet, the ramp is instead added to the narrow part.
 
     rows: each row has a fraction of the beam's length, and the width or the depth there. magnet_mm: distances of the
     two faces of the magnet from the clamp.

@@ -52,7 +52,7 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The structure of the linear system of a Newton step. The structure is computed once for a mesh.
+    """The structure of the linear system of a Newton step.
 
     Parameters
     ----------
@@ -172,12 +172,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements unchanged, and keep those of elements at the rigid body.
-
-        The rigid body is the magnet. An element is at the body if some of its nodes move with it; its matrix is
-        appended to ``tied``. The matrices of a group are used for both purposes at once, so that they need not stay in
-        memory.
-        """
+        """Yield the matrices of each group of elements, and append those of elements at the magnet to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -185,11 +180,9 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Assemble the part of the stiffness matrix that couples the magnet, a rigid body, to the nodes around it.
+        """Assemble the stiffness between the magnet (a rigid body) and m unknowns of the nodes around it, (B, 3, m).
 
-        The result has the shape (B, 3, m) for B candidate laws. The three rows belong to the translation (x, y) and the
-        rotation of the body, and the m columns to the unknowns of the nodes around it. rows: the contributions of the
-        Et elements at the body, (Et, B, 3, d), with d unknowns in each element.
+        rows: the contributions of the Et elements at the body, (Et, B, 3, d), with d unknowns in each element.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
@@ -198,9 +191,8 @@ class System:
     def _put(self, band: Array, rows: Array, corner: Array) -> Array:
         """Write the stiffness of the rigid body (the magnet) into the lower band of the system matrix; return the band.
 
-        The last three unknowns are the translation (x, y) and the rotation of the body. There are B candidate laws.
-        rows: the stiffness between these unknowns and m unknowns of the nodes, (B, 3, m). corner: the stiffness between
-        these unknowns themselves, (B, 3, 3).
+        rows: the stiffness between the body and m unknowns of the nodes, (B, 3, m). corner: the stiffness of the body
+        itself, (B, 3, 3).
         """
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
@@ -223,11 +215,7 @@ class System:
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
-    """Return the structure of the linear system of a mesh; see `System` for the parameters.
-
-    The structure depends on the numbers of the unknowns, but not on the places of the nodes. Meshes whose elements all
-    belong to one group therefore share a structure if they differ only in size or shape.
-    """
+    """Return the structure of the linear system of a mesh; see `System` for the parameters."""
     if at_once is not None:
         return System(dofs, n, tied, at_once)
     return _shared_structure(dofs.tobytes(), dofs.shape, n, None if tied is None else tied.tobytes())
@@ -286,8 +274,7 @@ class FactoredSystem:
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
         """Return the n nodal unknowns, (m, B, n), and the body's unknowns, (m, B, 3), for m right-hand sides.
 
-        There are B candidate laws. ``nodes`` and ``body`` are the right-hand sides, in the same shapes as the unknowns.
-        The unknowns of the body (the rigid magnet) are its translation (x, y) and its rotation.
+        nodes, body: the right-hand sides, in the same shapes. The body is the rigid magnet.
         """
         structure = self._structure
         if self._body is None:

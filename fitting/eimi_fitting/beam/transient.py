@@ -46,11 +46,8 @@ class NotSolved(Exception):
 class _State:
     """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
 
-    Arrays of the N nodes have the shape (N, 2) for the coordinates x and y. Arrays of the two mass points that stand
-    for the rigid body (the magnet) have the shape (2, 2). ``rigid`` contains the translation of the body in mm and the
-    rotation of the body in rad. ``elastic`` is the stress that the instantaneous law gives for the present strain.
-    ``overstress`` has the part of the stress that belongs to each term of the Prony series and relaxes with the time of
-    this term.
+    Arrays of the N nodes have the shape (N, 2). ``overstress`` is the part of the stress that relaxes, for each term of
+    the Prony series.
     """
 
     nodes: Array
@@ -142,7 +139,7 @@ class Transient:
         )
 
     def advance(self, step_s: float, loads: Loads, with_inertia: bool = True) -> None:
-        """Advance the beam's motion by one time step under given loads. A step that fails is divided into halves.
+        """Advance the beam's motion by one time step under given loads.
 
         Parameters
         ----------
@@ -220,11 +217,9 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return the changes of all displacements in one iteration of Newton's method: (N, 2) and (3,).
+        """Return the changes of the displacements in one iteration of Newton's method: (N, 2) in mm and (3,).
 
-        The first result is for the N nodes, in mm. The second is for the magnet, a rigid body: translation (x, y) in mm
-        and rotation in rad. Two points that move with the magnet have its inertia: each has half of its mass, and their
-        distance is chosen so that they have its rotary inertia.
+        The first result is for the nodes. The second is for the magnet: translation (x, y) in mm and rotation in rad.
 
         Parameters
         ----------
@@ -290,8 +285,6 @@ class Transient:
     ) -> None:
         """Compute velocities, accelerations and stresses at the end of a time step, and make them the present state.
 
-        The velocity changes by the weighted mean of the old and the new acceleration, times the length of the step.
-
         Parameters
         ----------
         nodes, rigid
@@ -305,7 +298,7 @@ class Transient:
         step_s
             Length of the step in s.
         gamma
-            Weight of the new acceleration in the mean.
+            Weight of the new acceleration in the mean of old and new acceleration, by which the velocity changes.
         accelerations
             Function that returns the new accelerations by the generalised-alpha method.
         with_inertia
@@ -344,11 +337,9 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors (x, y) from the rigid body's reference point to its two mass points, (2, 2) in mm.
+        """Return the vectors (x, y) from the magnet's reference point to its two mass points, (2, 2) in mm.
 
-        The rigid body is the magnet; two mass points have its mass and its rotary inertia.
-
-        derivative: 0 for the vectors, 1 or 2 for the first or second derivatives of the vectors by the angle.
+        derivative: 0 for the vectors, 1 or 2 for their first or second derivatives by the angle.
         """
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)

@@ -125,8 +125,7 @@ def twist_per_tilt(
 def _at_stations(between: Array) -> Array:
     """Return the tangents of the middle line at S stations (cross-sections) in K states, (K, S, 2).
 
-    between: the tangents between neighbouring stations, (K, S - 1, 2). At an inner station the result is the mean of
-    the two tangents beside it. At both ends the result is extrapolated.
+    between: the tangents between neighbouring stations, (K, S - 1, 2).
     """
     first = 1.5 * between[:, :1] - 0.5 * between[:, 1:2]
     last = 1.5 * between[:, -1:] - 0.5 * between[:, -2:-1]

@@ -131,11 +131,10 @@ class Vibration:
     ) -> ReducedMotion:
         """Return the matrices of small motions of B candidate laws about known equilibria, reduced to a few shapes.
 
-        chosen: the candidates. loads: the loads in one state. now: the equilibria under these loads, one row for each
-        candidate. basis: the displacements of the N nodes with d coordinates, (m, N, d), and the motion of the magnet,
-        (m, 3), in each of m shapes; None: the shapes are the lowest undamped modes. shapes: number of modes that are
-        computed for each ratio in ``stiffenings``. stiffenings: ratios of the modulus in the vibration to the static
-        modulus.
+        chosen: the candidates. loads: the loads in one state. now: the equilibria, one row for each candidate. basis:
+        displacements of the N nodes, (m, N, d), and motion of the magnet, (m, 3), in each of m shapes; None: the lowest
+        undamped modes. shapes: number of modes for each ratio in ``stiffenings``. stiffenings: ratios of the modulus in
+        the vibration to the static modulus.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -170,11 +169,9 @@ class Vibration:
     def _modes(
         self, factored: FactoredSystem, stiffness: Array, tie: Array | None, body_rest: Array, now: Configuration
     ) -> tuple[Array, Array]:
-        """Return the lowest undamped modes of B candidate laws, scaled to unit mass.
+        """Return the lowest m undamped modes of B candidate laws, scaled to unit mass, (m, B, n) and (m, B, 3).
 
-        There are m modes. The first result has the n unknowns of the nodes in each mode, (m, B, n), and the second the
-        motion of the rigid body (the magnet), (m, B, 3). The method is subspace iteration (Bathe 2014, Finite Element
-        Procedures, section 11.6).
+        The first result has the n unknowns of the nodes, the second the motion of the rigid body (the magnet).
 
         Parameters
         ----------
@@ -221,12 +218,10 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the displacements of every element in each of m shapes, (m, E, B, u) in mm.
+        """Return the u displacements of each of E elements in each of m shapes, (m, E, B, u) in mm.
 
-        There are E elements with u displacements each, and B candidate laws, which have different shapes. free: the n
-        unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the rigid body (the magnet),
-        (m, B, 3). tie: the derivatives of the displacements of the Et elements at the body by the motion of the body,
-        (Et, B, u, 3); None without a body.
+        free: the n unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m,
+        B, 3). tie: derivatives of the displacements of Et elements by the motion of the magnet, (Et, B, u, 3), or None.
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -255,9 +250,8 @@ class Vibration:
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
         """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
 
-        local: the u displacements of each of E elements in each shape, (m, E, B, u). free: the n unknowns of the nodes
-        in each shape, (m, B, n). rigid: translation and rotation of the magnet in each shape, (m, B, 3). now: the
-        equilibria; the matrices depend on the rotation that the magnet has there.
+        local: the u displacements of each of E elements in each shape, (m, E, B, u). free: the n unknowns of the nodes,
+        (m, B, n). rigid: translation and rotation of the magnet, (m, B, 3). now: the equilibria.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -271,23 +265,18 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass on the beam in each shape, (m, B, 2).
+        """Return the displacement (x, y) of the point mass on the beam in each of m shapes, (m, B, 2).
 
-        There are m shapes and B candidate laws. A mass that hangs on a thread moves only along the thread. nodal:
-        displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
+        nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
         """
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the products of the mass matrix and each of m shapes, for B candidate laws.
+        """Return the products of the mass matrix and each of m shapes, (m, B, n) and (m, B, 3).
 
-        They are the right-hand sides of the next step of the subspace iteration. The first result is for the n unknowns
-        of the nodes, (m, B, n), and the second for the motion of the rigid body (the magnet), (m, B, 3).
-
-        free: the unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the body, (m, B,
-        3). tie: the derivatives of the u displacements of the Et elements at the body by the motion of the body, (Et,
-        B, u, 3); None without a body. now: the equilibria; the mass matrix depends on the rotation that the magnet has
-        there.
+        free: the n unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m,
+        B, 3). tie: derivatives of the u displacements of Et elements by the motion of the magnet, (Et, B, u, 3), or
+        None. now: the equilibria.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -309,10 +298,8 @@ class Vibration:
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
     """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of a stiffness and a mass matrix for B candidates.
 
-    The eigenvalues are squared angular frequencies, and the eigenvectors have unit mass. stiffness, mass: symmetric
-    matrices of each candidate law, reduced to m shapes, (B, m, m), and scaled so that the diagonal of ``mass`` consists
-    of ones. The shapes may be linearly dependent. ``mass`` is then singular, and 1e-13 is therefore added to its
-    diagonal.
+    stiffness, mass: symmetric matrices of each candidate law, reduced to m shapes, (B, m, m); the diagonal of ``mass``
+    is 1.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -324,8 +311,8 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 def _quadratic(local: Array, matrices: Array) -> Array:
     """Return the m x m matrix v_i^T A v_j of an assembled matrix A and m shapes v_i, for B candidate laws, (B, m, m).
 
-    A is not assembled. The products are computed for each element and added. matrices: the element matrices (E, B, u,
-    u) of A, for E elements with u unknowns each. local: the displacements of each element in each shape, (m, E, B, u).
+    local: the displacements of each element in each shape, (m, E, B, u). matrices: the element matrices of A, (E, B, u,
+    u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -336,10 +323,8 @@ def _tangents(
 ) -> tuple[Array, Array, Array | None, Array]:
     """Return the tangent stiffness about an equilibrium in two parts, and two arrays for the rigid body (the magnet).
 
-    The first two results are the matrices K_m (tangent of the law) and K_g (stresses and loads) of each of E elements
-    with u unknowns, for B candidate laws, (E, B, u, u) each. The third result tells how the Et elements at the body
-    move with it: the derivatives of their unknowns by the translation and rotation of the body, (Et, B, u, 3), or None
-    without a body. The fourth result is the part of K_g that belongs to the motion of the body itself, (B, 3, 3).
+    The parts are those of the law and of stresses and loads, (E, B, u, u) each. The arrays are derivatives of
+    displacements by the motion of the body, (Et, B, u, 3), and the stiffness of the body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

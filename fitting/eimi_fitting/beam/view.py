@@ -14,8 +14,7 @@ Array = NDArray[np.float64]
 class View:
     """The view of a camera whose lens is in front of the plane of the beam.
 
-    The axis of the lens is normal to the plane of the beam unless ``tilt_deg`` is given. Without a tilt, lengths at
-    mid-depth appear in true size. A rotation of the camera about the axis of the lens is not described by a view.
+    The axis of the lens is normal to this plane unless ``tilt_deg`` is given.
 
     Attributes
     ----------
@@ -47,9 +46,8 @@ class View:
     def seen(self, places_mm: Array) -> Array:
         """Return where points of the beam appear in the image, as positions (x, y) in mm, (..., 2).
 
-        Without a tilt, a length of 1 mm at mid-depth has the length 1 mm in the image. The clamp, at the origin, always
-        appears at the origin. places_mm: coordinates (x, y, z) of the points in mm, (..., 3); z points away from the
-        camera.
+        The clamp, at the origin, always appears at the origin. places_mm: coordinates (x, y, z) of the points in mm,
+        (..., 3); z points away from the camera.
         """
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])

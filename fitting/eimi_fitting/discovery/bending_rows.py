@@ -40,17 +40,11 @@ _STIFFNESS_FACTORS = (1.0, 1.01, 0.99, 1.03)  # tried in this order until every 
 
 
 class NoEquilibrium(Exception):
-    """A bent beam has no equilibrium for a law near the solution, nor for laws that are slightly stiffer or softer.
-
-    Its edges can therefore not be approximated by linear functions of the coefficients of the law.
-    """
+    """A bent beam has no equilibrium for a law near the solution."""
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the standard uncertainty of the factor between the modulus of the beams and that of the tensile curves.
-
-    The factor is the same for all beams. It differs from 1, because beams and tensile specimens may be made of
-    different lots of the material, and because the beam model has errors.
+    """Return the relative standard uncertainty of the modulus of the beams divided by that of the tensile curves.
 
     Parameters
     ----------
@@ -69,16 +63,10 @@ def scale_deviation(lot: float) -> float:
 def bending_rows(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float
 ) -> tuple[Rows, list[float]]:
-    """Return linear equations for the coefficients of J terms from the edges of bent beams.
+    """Return linear equations for the coefficients of J terms of a law from the edges of bent beams.
 
-    The equations approximate the residuals of the edges by linear functions of the coefficients. The approximation is
-    exact to first order near the coefficients ``about``.
-
-    The equations have further unknowns, the nuisances: possible errors of inputs, in standard uncertainties. The first
-    nuisance is an error of the modulus that is the same for all beams. Every other nuisance is the error of one number
-    for which a file states an uncertainty, such as x of the clamp. The remaining error of the beam model counts as
-    additional noise in each state. If a beam has no equilibrium, the approximation is repeated about laws that are 1 %
-    stiffer, 1 % softer and 3 % stiffer.
+    The equations are exact to first order near the coefficients ``about``. Further unknowns are errors of inputs, such
+    as the clamp's position.
 
     Parameters
     ----------
@@ -133,12 +121,9 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals (misfit) of the best beam model, and the standard deviation of the error of this model.
+    """Return the residuals of the best beam model, and the standard deviation of its error in mm, (K, G, m).
 
-    The best model is the three-dimensional model for a solid section, and a planar model with a finer mesh for other
-    sections. Both the best model and a coarser planar model are solved for the law with the coefficients ``about``. The
-    standard deviation is a fixed fraction of the difference between their residuals. It has the shape (K, G, m) of the
-    residuals: K states, and G = 2 groups of m points in each state (left and right edge, or x and y of tracked points).
+    There are K states, and G = 2 groups of m points (the two edges, or x and y of tracked points).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -148,9 +133,9 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Return the misfit (residuals) of a law, and the simulated shape of the beam as a start for later solutions.
+    """Return the residuals of a law, and the simulated shape of the beam (None for a three-dimensional model).
 
-    ``coefficients`` has the shape (J,) for J terms. The simulated shape is None for a three-dimensional beam model.
+    coefficients: those of the J terms of the law, (J,). near: a shape from which the solution starts.
     """
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
@@ -163,10 +148,9 @@ def _misfit(
 
 
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return how the residuals change with each of the J coefficients of the law, in mm/Pa, shape (J, K, G, m).
+    """Return the derivatives of the residuals by the J coefficients of the law, in mm/Pa, (J, K, G, m).
 
-    The derivatives at the coefficients ``about`` are finite differences. There are K states, and G = 2 groups of m
-    points in each state: the left and the right edge, or x and y of tracked points.
+    There are K states, and G = 2 groups of m points (the two edges, or x and y of tracked points).
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
@@ -178,17 +162,10 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return how the residuals in mm change if an uncertain input of the experiments deviates.
+    """Return the changes of the residuals in mm if uncertain inputs change by their standard uncertainties.
 
-    An uncertain input (source) has one or more parts, such as x and y of the clamp. Its error may be common to several
-    experiments, for example the error of the calibration of one camera.
-
-    The result has one row for each part of each input, and in each row one entry for each experiment. The entry is the
-    change of the residuals, (K, G, m), if the part deviates by one standard uncertainty: K states, G = 2 groups (left
-    and right edge, or x and y of tracked points) and m points. It is None if the experiment does not have the input, or
-    if the beam has no equilibrium after the change.
-
-    about: the coefficients of the law with which the residuals are simulated.
+    There is one row for each part of an input, such as x of the clamp, and in it one array, (K, G, m), or None for each
+    experiment. about: the coefficients of the law.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -208,13 +185,9 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one experiment divided by their noise, and the standard deviation of the noise in mm.
+    """Return the equations of one experiment with independent errors of variance 1, and the noise in mm.
 
-    Each point of an edge gives one equation, but few equations are enough. The unknowns are the coefficients and the
-    nuisances (errors of inputs). A change of one unknown displaces the points of a state by a fixed vector times the
-    change. The equations of a state are projected on the space of these vectors and of the error of the beam model,
-    because all other components are independent of the unknowns. The error of the beam model is common to the equations
-    of a state and correlates their errors. They are transformed to equations with independent errors.
+    The unknowns are the coefficients of the law and the nuisances (errors of inputs).
 
     Parameters
     ----------
@@ -261,11 +234,9 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return the matrix that makes the errors of m equations independent with unit variance, shape (m, m).
+    """Return the matrix (I + d d^T)^(-1/2), (m, m), with the identity I and d = ``deviation``, (m,).
 
-    Each equation has noise of unit variance. In addition, an error that is common to all equations changes them by
-    ``deviation`` d, shape (m,), times a normal random number. The covariance of the errors is I + d d^T, with the
-    identity I. The matrix is (I + d d^T)^(-1/2).
+    It makes errors with the covariance I + d d^T independent.
     """
     square = float(deviation @ deviation)
     if square == 0.0:
@@ -274,10 +245,9 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return how well the best fit of all terms and nuisances (errors of inputs) describes the equations of one beam.
+    """Return the root mean square residual of the best fit of all terms to one beam, in units of the noise.
 
-    The result is the root mean square residual in units of the noise. It is about 1 if only noise remains. A larger
-    value shows that the beam model is wrong. The coefficients may be negative in this fit.
+    A value well above 1 shows that the beam model is wrong.
     """
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)

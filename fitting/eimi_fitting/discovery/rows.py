@@ -23,8 +23,7 @@ Array = NDArray[np.float64]
 class Rows:
     """N linear equations for the coefficients of J terms of a law and the amplitudes of q nuisances.
 
-    A nuisance is an error of an input, such as a width, or of the modulus of all beams. Its amplitude is the error in
-    standard uncertainties.
+    A nuisance is an error of an input, such as a width; its amplitude is the error in standard uncertainties.
 
     Parameters
     ----------
@@ -48,11 +47,9 @@ class Rows:
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the non-negative coefficients of all J terms in Pa, (J,), and the amplitudes of q nuisances, (q,).
+        """Return the non-negative coefficients of all J terms in Pa, (J,), and the q errors of inputs, (q,).
 
-        An amplitude is the size of a nuisance (an error of an input or of the modulus) in standard uncertainties. The
-        sum |residuals|^2 + |amplitudes|^2 is minimised. The solver accepts only non-negative unknowns; each amplitude
-        is therefore the difference of two of them.
+        The errors are in standard uncertainties.
         """
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
@@ -62,10 +59,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all ``parts`` together.
-
-        Zeros stand for the effects of nuisances (errors of inputs) that a part does not have.
-        """
+        """Return the equations of all ``parts`` together."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(
@@ -79,8 +73,7 @@ class Rows:
 def non_negative(columns: Array, observed: Array) -> Array:
     """Return the J non-negative coefficients x that minimise |columns x - observed|^2, shape (J,).
 
-    ``columns`` has the shape (N, J) and ``observed`` the shape (N,). The columns are first scaled to unit length, so
-    that the units of the coefficients have no effect.
+    ``columns`` has the shape (N, J) and ``observed`` the shape (N,).
 
     References
     ----------

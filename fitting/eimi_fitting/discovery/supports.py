@@ -65,10 +65,7 @@ class Support:
 
     @property
     def held_out_error(self) -> float:
-        """Root mean square error of this set of terms when it predicts equations that were left out of its fit.
-
-        The unit is the standard deviation of the noise. The value is about 1 if the law is correct.
-        """
+        """Root mean square error of this set of terms for equations left out of its fit, in units of the noise."""
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
@@ -107,10 +104,9 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the sets of terms that are compatible with the data and contain no smaller compatible set.
+    """Return the sets of terms that agree with the data and contain no smaller such set.
 
-    A set is compatible if the data cannot distinguish it from the best set (see the module `discovery.supports`). The
-    sets with the fewest terms come first.
+    A set agrees if the data cannot distinguish it from the best set.
     """
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
@@ -169,10 +165,9 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return the fitted set ``support``, with its fields ``excess`` and ``excess_error`` filled in.
+    """Return the fitted set ``support`` with its excess (of squared prediction errors over the set ``best``).
 
-    ``excess`` is the sum of the squared prediction errors of this set minus the same sum of the set ``best``.
-    ``excess_error`` is the standard error of this difference.
+    The standard error of the excess is set, too.
     """
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)

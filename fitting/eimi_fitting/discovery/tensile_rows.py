@@ -27,19 +27,13 @@ def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
 
 
 def largest_x(strain: Array) -> float:
-    """Return the value of I1 - 3 at the largest strain of a tensile test.
-
-    Terms such as Gent's are defined only up to a certain value of I1 - 3. The material is incompressible, so that
-    I1 = s^2 + 2 / s at the stretch s = 1 + strain.
-    """
+    """Return I1 - 3 (I1: first invariant) of an incompressible material at the largest strain of a tensile test."""
     stretch = 1 + float(np.max(strain))
     return stretch**2 + 2 / stretch - 3
 
 
 def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, float]:
     """Return linear equations for the coefficients of J terms from a tensile curve.
-
-    Neighbouring rows of the curve with correlated residuals form a group. Cross-validation omits whole groups.
 
     Returns
     -------

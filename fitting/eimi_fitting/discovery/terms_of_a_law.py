@@ -112,9 +112,9 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise alone can explain how badly the first set of terms in ``alternatives`` predicts data.
+        """Return whether noise alone can explain the prediction errors of the first of ``alternatives``.
 
-        The criterion is that the root mean square error of the cross-validation is below 1.5 times the noise.
+        They may be up to 1.5 times as large as the noise.
         """
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
@@ -236,8 +236,8 @@ def discover(
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
     """Fit all small sets of terms; if even the best set predicts worse than the noise allows, increase the noise.
 
-    ``rows`` are the equations for the coefficients of all terms. ``has_modulus`` says which terms contribute to the
-    initial shear modulus. A set has at most ``most_terms`` terms.
+    rows: the equations; has_modulus: whether each term contributes to the initial shear modulus; most_terms: largest
+    number of terms in a set.
 
     Returns
     -------
@@ -256,8 +256,7 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
     """Return the terms outside the set ``support`` that could carry more than 15 % of the stress at ``strain``.
 
-    A term could carry this share if its coefficient had the upper end of its 95 % interval. The keys of the result are
-    the terms, and the values are the shares of the stress that the terms could carry.
+    The values of the result are the shares of the stress that they could carry.
     """
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns
@@ -290,10 +289,9 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return the coefficients of a law that is close to the solution, for J terms, (J,) in Pa.
+    """Return coefficients of the J terms, (J,) in Pa, that are close to the solution.
 
-    The edges of the beams are first linearised about this law. It is the fit to the tensile curves, scaled to the
-    modulus ``modulus_Pa`` of the beams. Without a tensile curve, only one term has a coefficient above zero.
+    modulus_Pa: the shear modulus of the beams; curve_rows: the equations of the tensile curves.
     """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
@@ -310,10 +308,8 @@ def _linearised(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of the terms from the edges of all beams, and the noise in mm.
 
-    The edges are first linearised about the coefficients ``about``. All terms are then fitted to the equations of the
-    beams and of the tensile curves (``curve_rows``), and the edges are linearised again about the fitted law. This is
-    repeated until the fit hardly changes. lot: relative standard deviation of the ratio of the modulus of the beams to
-    that of the tensile specimens.
+    about: the coefficients at the start. lot: relative standard deviation of the ratio of the modulus of the beams to
+    that of the tensile specimens. curve_rows: the equations of the tensile curves.
 
     Raises
     ------

@@ -77,10 +77,9 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert r reduced signals (..., r) to the displacements in c channels (..., c) in mm.
+        """Convert r reduced signals, (..., r), to the displacements in c channels, (..., c) in mm.
 
-        A channel is one coordinate of one point. Reduced signals are a few independent signals, of which every channel
-        is a linear combination.
+        A channel is one coordinate of one point, and a linear combination of the r signals.
         """
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
@@ -145,11 +144,7 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return the time of each of n frames, (n,) in s.
-
-    The points of a frame may have different times. Each point has an almost constant delay, which is subtracted first.
-    The time of the frame is the mean over its points.
-    """
+    """Return the time of each of n frames, (n,) in s."""
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -164,11 +159,9 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the channels with values in place of gaps and outliers, (n, c), and which entries were replaced, (n, c).
+    """Return n frames of c channels without gaps and outliers, (n, c), and which entries were replaced, (n, c).
 
-    There are n frames and c channels (coordinates of points). All channels are nearly combinations of a few signals,
-    which the visible points determine. The values in the gaps of a channel follow from these signals. An outlier is an
-    entry that is far from them.
+    A channel is one coordinate of one point, with NaN where the point was not visible.
     """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
@@ -211,10 +204,9 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Reduce c channels to a few (r) signals; return the signals in n frames, (n, r), and the patterns, (r, c).
+    """Reduce c coordinates of points to a few (r) signals; return the signals, (n, r), and the patterns, (r, c).
 
-    A channel is one coordinate of one point, and ``values`` has the channels in n frames, (n, c). The matrix product of
-    signals and patterns is the channels, without their mean over the frames and without most of the noise.
+    The matrix product of the two is nearly ``values``, (n, c), without the mean over the n frames.
     """
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)

@@ -175,10 +175,8 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
     """Fit vibrations to a part of a ring-down, and return the fit, the time windows and the windows that are used.
 
-    Usually all windows are used. Some are left out if frequency and loss factor differ between windows, for example
-    because a hand touches the beam; the vibrations are then fitted to the used windows only. part: the signals in which
-    the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs: whether a weight hangs from
-    the beam.
+    part: the frames in which the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs:
+    whether a weight hangs from the beam.
     """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
@@ -201,9 +199,9 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _swing_in_words(swinging: ModalFit, label: str) -> str:
-    """Return the warning (doubt) that the hanging weight swings in a ring-down (a free vibration), as a text.
+    """Return a warning that the hanging weight swings in a ring-down (a free vibration).
 
-    swinging: the fit of the two vibrations that the swing causes; label: where the recording comes from.
+    swinging: the fit of two vibrations to the motion; label: where the recording comes from.
     """
     first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
     return (
@@ -214,9 +212,10 @@ def _swing_in_words(swinging: ModalFit, label: str) -> str:
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return the warning (doubt) about a ring-down (a free vibration) of which only some time windows are used.
+    """Return a warning that only some time windows of a ring-down (a free vibration) are used.
 
-    windows: all windows; used: those used; label: name of the recording; hangs: whether a weight hangs from the beam.
+    windows: all windows; used: those used; label: where the recording comes from; hangs: whether a weight hangs from
+    the beam.
     """
     first, last = windows[used.start], windows[used.stop - 1]
     if hangs:
@@ -234,10 +233,7 @@ def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs
 
 
 def _dense(signals: Signals) -> Signals:
-    """Return the signals up to the frame after which the time intervals between frames become much longer.
-
-    In a recording of creep the intervals grow with time. The vibration is searched in the dense frames only.
-    """
+    """Return the signals up to the frame after which the time intervals between frames become much longer."""
     gaps = np.diff(signals.time_s)
     if len(gaps) < 2 * _RUN:
         return signals
@@ -286,9 +282,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
 def _lasting(values: Array, size: int) -> Array:
     """Return, for each frequency of a spectrum, 1 if the power there hardly decreases during the recording, else 0.
 
-    A frequency with lasting power is the hum of a motor or of a lamp, and not a vibration that decays. The power in the
-    last half of the n frames is compared with the power in the first half. values: r signals in n frames, (n, r); size:
-    the number of values for the Fourier transform.
+    Such power is the hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: the number of values for
+    the Fourier transform.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]
@@ -299,11 +294,7 @@ def _lasting(values: Array, size: int) -> Array:
 
 
 def _uniform(signals: Signals) -> tuple[Array, Array]:
-    """Interpolate the reduced signals at n evenly spaced times; return the times in s, (n,), and the signals, (n, r).
-
-    The Fourier transform needs even distances in time. The r reduced signals are the few independent signals whose
-    linear combinations give the motion of all points of the beam (`Signals.reduced`).
-    """
+    """Interpolate r signals at n evenly spaced times; return the times in s, (n,), and the signals, (n, r)."""
     time = signals.time_s
     uniform = np.linspace(time[0], time[-1], len(time))
     values = np.stack([np.interp(uniform, time, z) for z in signals.reduced.T], axis=1)
@@ -311,10 +302,9 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return how the amplitude of a vibration changes with time: n times in s, (n,), and amplitudes in mm, (n,).
+    """Return times in s, (n,), and the largest amplitude of a vibration over the beam at these times, (n,) in mm.
 
-    The vibration has a given frequency in Hz, and a filter removes distant frequencies. The amplitude at each time is
-    the largest one among all coordinates of all points.
+    frequency: the frequency of the vibration in Hz.
     """
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T
@@ -333,8 +323,8 @@ def _segment(
 ) -> tuple[float, float, list[str]]:
     """Return start and end in s of the part of a ring-down that is fitted, and warnings about the frames left out.
 
-    In this part the beam vibrates freely: it is not pushed again, and its amplitude is below 5 % of its length.
-    frequency: frequency in Hz; length_mm: length of the beam; is_stepped: whether a load step starts the vibration.
+    frequency: frequency in Hz; length_mm: length of the beam; label: where the recording comes from; is_stepped:
+    whether a change of the load starts the vibration.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
@@ -373,9 +363,8 @@ def _segment(
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
     """Return whether the amplitude rises so fast that something has pushed the beam.
 
-    It must rise from a third of its next maximum to this maximum within 1.5 periods. The beating of two vibrations
-    makes the amplitude rise more slowly. size: the amplitude in n frames, (n,); at: number of a frame in which the
-    amplitude rises; period: length of a period in frames.
+    size: the amplitude in n frames, (n,); at: number of a frame in which the amplitude rises; period: length of a
+    period in frames.
     """
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
     low = np.flatnonzero(size[:peak] < size[peak] / 3)

@@ -27,9 +27,7 @@ _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this man
 def spoilt_until_s(fitted: ModalFit) -> float | None:
     """Return the time in s at which a disturbed start of a ring-down ends; None without a disturbance.
 
-    At a disturbed start the motion differs from the fitted vibrations, for example because a hand still touches the
-    beam. The result is also None if the recording is shorter than six periods, or if the disturbance lasts for more
-    than 40 % of the frames.
+    At a disturbed start, for example, a hand still touches the beam.
     """
     time = fitted.signals.time_s
     period = 1 / fitted.frequency_Hz
@@ -62,8 +60,7 @@ def unexplained_share(fitted: ModalFit) -> float:
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
     """Return whether damped vibrations describe the later frames alone much better than all frames.
 
-    later, whole: fits to the later frames and to all frames. If the result is False, the residuals have another cause
-    than the start of the recording, for example errors of the times.
+    later, whole: fits to the later frames and to all frames.
     """
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 
@@ -71,7 +68,6 @@ def is_better(later: ModalFit, whole: ModalFit) -> bool:
 def refusal_of(fitted: ModalFit, label: str) -> str | None:
     """Return a text that says why a fit must not be used; None if it may be used.
 
-    A fit may be used if the vibrations describe most of the motion, or if the rest is not much larger than the noise.
     label: where the recording comes from.
     """
     share = unexplained_share(fitted)
@@ -86,8 +82,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
     """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames.
 
-    label: where the recording comes from; hangs: whether a weight hangs from the beam. Its swing then explains
-    vibrations of almost equal frequency, so that they cause no warning.
+    label: where the recording comes from; hangs: whether a weight hangs from the beam.
     """
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals

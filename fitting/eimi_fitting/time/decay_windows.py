@@ -55,11 +55,7 @@ class Window:
 
 
 def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return the frequency and loss factor of a ring-down (a free vibration) in time windows of equal duration.
-
-    The amplitude falls to about a half from the start to the end of a window. Windows with an uncertain fit are left
-    out.
-    """
+    """Return the frequency and loss factor of a ring-down (a free vibration) in time windows of equal duration."""
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
     halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
@@ -106,13 +102,9 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
-    """Return which time windows are used to identify the material: consecutive windows that agree.
+    """Return which time windows of a ring-down are used to identify the material: consecutive windows that agree.
 
-    A hanging weight (``hangs``) may begin to swing. The swing raises the loss, and only the windows before this rise
-    are used. Without a hanging weight, a large change of the frequency or of the loss shows that something touches the
-    beam. Such changes divide the windows into groups. A touch adds loss, and therefore the group with the smallest loss
-    is used. The groups are compared by upper limits of their loss, so that a group with an uncertain loss is not
-    preferred.
+    hangs: whether a weight hangs from the beam.
     """
     if len(windows) < 2:
         return slice(0, len(windows))
@@ -135,10 +127,7 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
 
 
 def _largest_loss(windows: Sequence[Window]) -> float:
-    """Return an upper limit of the mean loss factor of several time windows.
-
-    The limit is the mean plus two standard uncertainties of the mean.
-    """
+    """Return the mean loss factor of several time windows, plus two standard uncertainties of the mean."""
     weights = np.array([window.loss_sigma for window in windows]) ** -2.0
     mean = float(np.array([window.loss for window in windows]) @ weights / weights.sum())
     return mean + 2 / float(np.sqrt(weights.sum()))
@@ -146,13 +135,6 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
-
-    The swing changes both numbers from one time window to the next. Each error is the larger of two estimates:
-
-    - The largest deviation of a used window from the vibration that was fitted to all used windows, minus twice the
-      standard uncertainty of the window. Windows with small amplitudes are left out, because the swing is the larger
-      part of the motion there.
-    - Half of the change from the last used window to the first window that is not used.
 
     windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
     and loss factor of the fitted vibration.

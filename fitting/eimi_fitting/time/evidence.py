@@ -38,24 +38,23 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """Measurements that a viscoelastic (Prony) law must explain, such as one ring-down (a free vibration).
+    """Measurements that a law of viscoelasticity must explain, such as one ring-down (a free vibration).
 
-    All kinds of evidence have the two methods of this interface. k is the number of residuals of the evidence.
+    k is the number of its residuals.
     """
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of P candidate laws, each divided by its standard uncertainty, (P, k).
+        """Return the k residuals (computed minus measured numbers) of P candidate laws, (P, k).
 
-        A residual is the deviation of a computed from a measured number. A candidate consists of an instantaneous
-        shear modulus (Pa), a Prony series, and the logarithm of a factor on the magnetic loads.
+        Each is divided by its standard uncertainty. A law has an instantaneous shear modulus (Pa), a Prony series, and
+        the logarithm of a factor on the magnetic loads.
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if uncertain inputs change by their standard uncertainties.
+        """Return the changes of the k residuals if uncertain inputs, such as the width, change one at a time.
 
-        An uncertain input is, for example, the width of the beam. Only one input changes at a time. sources: the
-        standard uncertainties of the inputs, by their names. The result has an array (components, k) for each input, by
-        the same names. An input has several components if it is a vector, such as a background field.
+        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
+        input; only a vector, such as a background field, has several components.
         """
 
 
@@ -92,13 +91,8 @@ class RingEvidence:
     def of(table: RingTable, decay: Decay, is_stepped: bool = False) -> RingEvidence:
         """Return the evidence of a ring-down: frequency and loss factor of each mode of a free vibration.
 
-        Vibrations that belong to no planar mode of the beam are left out. With a hanging weight, only the lowest mode
-        is used: a weight on a thread hardly changes the frequency of this mode, but raises the frequency of the second
-        mode by 25 to 50 %.
-
         table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
-        ring-down begins with a known step of the load. If a field or a force acts after such a step, the beam has crept
-        only since the step. In all other cases the beam is assumed to have been at rest for a long time.
+        ring-down begins with a known change of the load.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
@@ -119,7 +113,10 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the deviations of computed from measured ln(frequency) and loss factor, see `Evidence.residuals`."""
+        """Return the deviations of computed from measured ln(frequency) and loss factor for P candidate laws, (P, k).
+
+        Each is divided by its standard uncertainty.
+        """
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -141,11 +138,9 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
-        """Return independent residuals of variance 1, (..., 2), for ln(frequency) and loss factor of one mode.
+        """Convert errors of ln(frequency) and loss factor of one mode to independent numbers of variance 1, (..., 2).
 
-        ``gaps`` (..., 2) has the deviations of the two numbers from the measured ones. Their errors are correlated. The
-        inverse Cholesky factor of their covariance matrix makes the residuals independent. number: the number of the
-        mode, from 0.
+        number: the number of the mode, from 0; mode: the measured vibration; gaps: the errors, (..., 2).
         """
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         # Common errors do not average out: each ring-down gets a share of the weight of one.
@@ -155,16 +150,14 @@ class RingEvidence:
 
     @property
     def _of_lowest(self) -> float:
-        """The standard uncertainty of ln(lowest frequency) due to the mesh and to the suspension of a weight.
-
-        The frequency is computed for a weight on a thread, which moves with the tip along gravity only. On a stiff hook
-        the weight would move with the tip in all directions. The uncertainty due to the suspension is half of the
-        difference between these two cases.
-        """
+        """The standard uncertainty of ln(lowest frequency) due to the mesh and to the suspension of a weight."""
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the residuals change if an uncertain input, such as the width, changes; see `Evidence.effects`."""
+        """Return the changes of the residuals if uncertain inputs, such as the width, change by their uncertainties.
+
+        sources: the standard uncertainties of the inputs, by name.
+        """
         return {
             key: np.concatenate(
                 [
@@ -198,10 +191,9 @@ class Sag:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
-        """Return the sag in a recorded ring-down (a free vibration).
+        """Return the sag in a recorded ring-down, the bending of the beam under its own weight.
 
-        The sag is the bending under the weight of the beam, about which the beam vibrates. None if too few points were
-        seen, or if the beam does not bend under its weight.
+        None if too few points were seen, or if the beam does not bend under its weight.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -226,12 +218,9 @@ class Sag:
         return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
-        """Return a doubt (a warning) if the measured sag contradicts the sag that the vibration predicts.
+        """Return a warning if the measured sag (bending under the weight) contradicts the measured vibration.
 
-        The sag is how far the beam at rest bends under its weight.
-
-        Moderate differences are allowed. The modulus at rest is smaller than that of the vibration, at most by a factor
-        of a few, and a beam that should be straight may be a little bent. length_mm: length of the beam.
+        decay: the measured vibration; length_mm: length of the beam.
         """
         bent = _BENT_BEAM * length_mm / self.computed_mm
         if 1 - bent < self.measured < _SOFTER_AT_REST + bent:
@@ -247,8 +236,6 @@ class Sag:
 @dataclass(frozen=True)
 class RestEvidence:
     """The shear modulus for which the beam at rest bends as far under its own weight (sag) as was measured.
-
-    The modulus is evidence for a viscoelastic law: its deviation is one residual of the fit of the law.
 
     Attributes
     ----------
@@ -266,9 +253,8 @@ class RestEvidence:
     def of(sag: Sag, table: RingTable) -> RestEvidence | None:
         """Return the evidence from the sag of the beam at rest (a modulus), or None.
 
-        The beam vibrates about its sagging equilibrium, so that the mean position of its points gives the sag. The
-        modulus is the one for which the computed beam has this sag. The result is None if the beam hardly bends
-        under its own weight, or if no modulus from 0.3 to 3 times the middle modulus of ``table`` gives the sag.
+        The result is None if the beam hardly bends under its own weight, or if no modulus from 0.3 to 3 times the
+        middle modulus of ``table`` gives the sag.
         """
         if sag.computed_mm < _LEAST_SAG * table.beam.specimen.length_mm:
             return None
@@ -285,10 +271,9 @@ class RestEvidence:
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residual of the logarithm of the modulus at rest for P candidate laws, (P, 1).
+        """Return the deviation of ln(modulus at rest) from its measured value for P candidate laws, (P, 1).
 
-        The modulus at rest of a candidate is compared with the modulus that the measured sag gives (the bending of the
-        beam at rest under its weight). The deviation is divided by its standard uncertainty.
+        It is divided by its standard uncertainty.
         """
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
@@ -301,9 +286,7 @@ class RestEvidence:
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
     """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
 
-    Repeated ring-downs, under the same loads, should have the same frequency and loss factor. If they differ by more
-    than their uncertainties, the uncertainties are multiplied by the Birge ratio, the root of (chi-square / degrees of
-    freedom). The number of repeats is stored in each of them.
+    Repeated ring-downs are those under the same loads.
     """
     widened = []
     for ring in rings:

@@ -18,8 +18,7 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
     """Return fitted vibrations (a decay) with the true amplitudes of the beam in place of the amplitudes in the frames.
 
-    A frame shows the mean position during its exposure, so that the amplitude in the frames is smaller. The decay is
-    returned unchanged if less than 30 % of the true amplitude is left.
+    A frame shows the mean position during its exposure, so that the amplitude in the frames is smaller.
 
     Parameters
     ----------

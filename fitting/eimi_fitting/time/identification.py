@@ -51,10 +51,7 @@ _MOST_STEPS = 3  # changes of the load before a motion that are used
 
 
 class NoRingDown(Exception):
-    """No recorded motion of the beam shows a decaying vibration.
-
-    Only a vibration determines the modulus independently of the magnetic moment.
-    """
+    """No recorded motion of the beam shows a decaying vibration."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class StaticRun:
-    """The static states of one run. The beam is at rest before the first load.
+    """The static states of one run.
 
     Attributes
     ----------
@@ -102,7 +99,7 @@ class StaticRun:
 
 @dataclass(frozen=True)
 class StaticStates:
-    """The static states of a specimen, and the modulus of a fit that treats the states as elastic.
+    """The static states (shapes at rest) of a specimen, and the modulus of an elastic fit to them.
 
     Attributes
     ----------
@@ -246,10 +243,9 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a doubt (a warning) if the stated planar section and a solid section give different moduli.
+    """Return a warning if the planar section in the specimen file and a solid section give different moduli.
 
-    The stated section is the one in the specimen file. The result is empty if the moduli differ by less than 2 %, or if
-    the solid model has no equilibrium.
+    The result is empty if the moduli differ by less than 2 %.
     """
     try:
         change = table.solid_over_stated_modulus() - 1
@@ -272,10 +268,7 @@ def _same(one: Loads, other: Loads) -> bool:
 def _analysed(
     motions: Sequence[RecordedMotion], specimen: Specimen
 ) -> tuple[list[tuple[RecordedMotion, Decay | None]], list[str]]:
-    """Return each motion with its decay (fitted vibrations), and the doubts (warnings) about the recordings.
-
-    The decay is None for a motion without a vibration.
-    """
+    """Return each motion with its fitted vibrations (None if there are none), and the warnings about the recordings."""
     analysed: list[tuple[RecordedMotion, Decay | None]] = []
     doubts = []
     for recorded in motions:
@@ -303,8 +296,7 @@ def _analysed(
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
     """Return the table of the beam's frequencies for the loads and the hanging weight of a recorded motion.
 
-    If ``tables`` has such a table, it is returned. Otherwise it is computed for moduli around the one with which the
-    beam has the measured frequency in ``decay``, and appended to ``tables``.
+    A new table is appended to ``tables``.
     """
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
@@ -326,9 +318,8 @@ def _creeps(
 ) -> tuple[CreepEvidence, ...]:
     """Return rotations of the tip over time (the evidence of creep) from recordings with a step of the load.
 
-    If there are more than 6 recordings, the 6 recordings with the largest change of the rotation are used. analysed:
-    the recordings with their vibrations. law, shape: the hyperelastic law and its parameters. middle_Pa: a typical
-    shear modulus of the specimen.
+    analysed: the recordings with their vibrations. law, shape: the hyperelastic law and its parameters. middle_Pa: a
+    typical shear modulus of the specimen.
     """
     evidence = []
     for recorded, decay in analysed:
@@ -356,11 +347,9 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
-    """Return the evidence from the sag of the beam at rest (a shear modulus), or None if there is no such evidence.
+    """Return the modulus from the sag of the beam at rest, or None, and warnings if it contradicts the vibration.
 
-    The sag is the bending of the beam at rest under its weight. It is measured in the first ring-down (free vibration)
-    that does not begin with a step of the load and has the loads of ``table``. The second value contains a doubt (a
-    warning) if the sag contradicts the vibration.
+    The sag is the bending of the beam under its own weight.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
@@ -395,10 +384,7 @@ def _static_evidence(static: StaticStates | None, specimen: Specimen, law: Law, 
 def _range_s(
     rings: Sequence[RingEvidence], creeps: Sequence[CreepEvidence], static: StaticEvidence | None
 ) -> tuple[float, float]:
-    """Return the range of times in s that ring-downs (free vibrations), creep and static states cover.
-
-    The range is extended by half a decade at both ends.
-    """
+    """Return the range of times in s that ring-downs (free vibrations), creep and static states cover."""
     shortest = min(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     longest = max(1 / (2 * np.pi * mode.frequency_Hz) for ring in rings for _, mode in ring.modes)
     for creep in creeps:

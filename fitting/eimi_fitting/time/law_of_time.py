@@ -55,10 +55,9 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainties of the magnetic loads that files state, or None if they are not known.
+    """Return the relative standard uncertainties of the magnetic loads by name, or None if they are not known.
 
-    The keys of the result are the names of the sources, such as "remanence". stated: the sources of uncertainty that
-    files state. The result is None without a magnet, or if no file states the uncertainty of the magnetic moment.
+    stated: the sources of uncertainty that files state.
     """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
@@ -91,18 +90,12 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the m unknowns, (m,): the unknowns of ``terms``, then the logarithm of the load factor.
-
-        The load factor is a factor on the magnetic loads.
-        """
+        """The prior means of the m unknowns of the law, (m,); the last one is ln(factor on the magnetic loads)."""
         return np.append(self.terms.mean, 0.0)
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the m unknowns, (m,): those of ``terms``, then that of ln(load factor).
-
-        The load factor is a factor on the magnetic loads.
-        """
+        """The prior standard deviations of the m unknowns, (m,); the last one is ln(factor on the magnetic loads)."""
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
@@ -118,17 +111,15 @@ class Problem:
     def residuals(self, unknowns: Array) -> Array:
         """Return all residuals of the fit for P candidate laws, (P, k + m): k of the data, then m of the priors.
 
-        The data are the recordings and the static states. unknowns: the m unknowns of each candidate, (P, m).
+        unknowns: the m unknowns of each candidate, (P, m).
         """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals of the data if uncertain inputs change by their uncertainties.
+        """Return the changes of the k residuals if uncertain inputs, such as the width, change one at a time.
 
-        An uncertain input is, for example, the width of the beam. Only one input changes at a time, by its standard
-        uncertainty. sources: these uncertainties by the names of the inputs. The result has an array (components, k)
-        for each input, by the same names. An input has several components if it is a vector, such as a background
-        field.
+        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
+        input; only a vector, such as a background field, has several components.
         """
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
@@ -136,8 +127,7 @@ class Problem:
     def chi(self, unknowns: Array) -> Array:
         """Return the root of the sum of the squared residuals for P candidate laws, (P,).
 
-        The result is infinity for a candidate with a residual that is not finite. unknowns: the m unknowns of each
-        candidate, (P, m).
+        unknowns: the m unknowns of each candidate, (P, m).
         """
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
@@ -146,11 +136,9 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The misfits of one generation of candidates of CMA-ES, in the form that the search expects.
+    """The misfits of several candidate laws in one step of the search for the best one.
 
-    ``objective_mm`` has the root of the sum of the squared residuals of each candidate. It has no unit here, in spite
-    of its name. ``unconverged`` marks candidates whose residuals could not be computed. ``unstable`` is False for all
-    candidates, because the stability of the law is not examined.
+    ``objective_mm`` has the root of the sum of the squared residuals, which here has no unit.
     """
 
     objective_mm: Array
@@ -194,30 +182,23 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum if uncertain inputs change by their uncertainties.
+        """Return the changes of the m unknowns at the optimum if uncertain inputs change one at a time.
 
-        Only one input changes at a time, by its standard uncertainty. effects: the changes of the k residuals of the
-        data, (components, k) for each input, as `Problem.effects` returns them. The result has an array (components, m)
-        for each input, by the same keys.
+        effects: for each input, the changes of the k residuals of the data, (components, k). The result has an array
+        (components, m) for each input.
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return how the m unknowns at the optimum change if the magnetic loads are larger than stated, (m,).
+        """Return the change of the m unknowns at the optimum if ln(factor on the magnetic loads) grows, (m,).
 
-        The fit has a factor on the magnetic loads, whose logarithm has a normal prior. For larger loads, this prior has
-        a larger mean, here by ``sigma``.
+        sigma: the increase of this logarithm.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum of the same fit without knowledge of the magnetic moment.
-
-        The factor on the magnetic loads then has a wide prior: the standard deviation of its logarithm is 0.3. The same
-        prior is used if no file states the uncertainty of the moment. The least-squares fit starts at the present
-        optimum.
-        """
+        """Return the optimum of the same fit without knowledge of the magnetic moment."""
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
         chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
@@ -229,10 +210,7 @@ class TimeOptimum:
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
     """Return the optimum of a viscoelastic fit: the best result of least-squares fits from several starts.
 
-    The possible starts are the best candidate of CMA-ES, the mean of the prior, and, if ``fewer`` is given, the optimum
-    with one term fewer plus an additional term. The additional term has a small modulus and one of the relaxation times
-    of the prior, so that there is one such start for each of these times. The three starts with the smallest residuals
-    are used.
+    fewer: the optimum with one term fewer, from which some of the fits start.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -268,10 +246,10 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit the viscoelastic law by least squares from one start, by Levenberg and Marquardt's method (MINPACK).
+    """Fit the law by least squares from one start; return the m unknowns, the derivatives, and two notes on the search.
 
-    Returns the m unknowns at the optimum, (m,); the derivatives of all residuals by the unknowns, (k + m, m), for k
-    residuals of the data and m of the priors; the number of evaluated candidates; and whether the fit converged.
+    The derivatives are those of all residuals by the unknowns, (k + m, m), for k data. The notes are the number of
+    evaluated laws and whether the fit converged.
     """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
@@ -300,9 +278,8 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
     """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed.
 
-    The problems have an increasing number of terms. Z is the probability density of the data for a number of terms
-    (evidence). Terms are added as long as ln Z increases by at least 1. The smallest number of terms whose ln Z is
-    within 1 of the largest is chosen.
+    The problems have an increasing number of terms. Few terms are preferred among those that explain the data about
+    equally well.
     """
     optima: list[TimeOptimum] = []
     for problem in problems:
@@ -319,13 +296,9 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f numbers that describe each of P candidate laws, (P, f).
+    """Return f numbers, such as moduli at fixed times, on which the residuals depend almost linearly, (P, f).
 
-    The residuals of the fit are almost linear functions of these numbers. Approximate residuals can therefore be
-    computed from the numbers without a simulation, as the sampling of the posterior needs them. The numbers are
-    logarithms of moduli at fixed times and at the angular frequencies ``omegas`` (rad/s), loss factors of the material
-    at these frequencies, and the logarithm of the factor on the magnetic loads. unknowns: the m unknowns of each
-    candidate, (P, m).
+    unknowns: the m unknowns of each of P candidate laws, (P, m). omegas: angular frequencies in rad/s.
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
@@ -342,16 +315,7 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 
 
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
-    """Return D draws of the m unknowns from their posterior, (D, m).
-
-    If the data do not determine the terms, the posterior is far from normal. It is therefore sampled. A group of
-    walkers (sets of values of the unknowns) starts near the optimum. In each step a walker moves along the straight
-    line through itself and another walker, and the move is accepted or rejected by the probability density at its end
-    (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65). The density is computed from approximate residuals,
-    which are linear functions of a few numbers such as logarithms of moduli.
-
-    The errors of uncertain inputs are added at the end. For each component of an input, a draw is changed by the row of
-    this component in ``steps``, times a normal random number.
+    """Return D random draws of the m unknowns from their posterior distribution, (D, m).
 
     Parameters
     ----------

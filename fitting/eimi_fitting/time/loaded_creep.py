@@ -58,10 +58,8 @@ class LoadCurve:
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
         """Return the moment of the loads as a function of the rotation of the tip, interpolated between a few points.
 
-        The interpolation uses splines. nominal: the rotations in rad and the moments of the loads, of the same length.
-        A moment is divided by a constant of the beam in m³, so that its unit is Pa rad and not N m. stronger:
-        rotations and moments in a field that is ``factor`` times as strong. The difference from the nominal moments
-        gives the part of each moment that the field causes.
+        nominal: the rotations in rad and the moments in Pa rad (divided by a constant of the beam in m³). stronger: the
+        same in a field that is ``factor`` times as strong.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
@@ -75,17 +73,15 @@ class LoadCurve:
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
         """Return the load curve of a beam without a field, on which gravity acts like a spring.
 
-        The moment is -``stiffness_Pa`` times the rotation of the tip in rad. It is divided by a constant of the beam in
-        m³, so that its unit is Pa rad and not N m.
+        The moment is -``stiffness_Pa`` times the rotation of the tip in rad.
         """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment of the loads and its derivative by the rotation of the tip, at P rotations (rad), (P,).
+        """Return the moment of the loads (Pa rad) and its derivative (Pa) at P rotations of the tip in rad, (P,) each.
 
-        The moment is divided by a constant of the beam in m³. Its unit is therefore Pa rad and not N m, and the unit of
-        the derivative is Pa. Beyond its ends the curve continues as a straight line.
+        The moment is divided by a constant of the beam in m³.
         """
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
@@ -155,10 +151,7 @@ def creep(
 
 
 class CreepHistories:
-    """The creep of a beam under E histories of loads, which are integrated side by side.
-
-    Internal variables integrate the Prony series exactly for rotations that change linearly within a time step (Simo
-    and Hughes 1998, Computational Inelasticity, section 10.3). Inertia is neglected.
+    """The creep of a beam under several histories of loads. Inertia is neglected.
 
     Parameters
     ----------
@@ -203,7 +196,7 @@ class CreepHistories:
         """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
 
         instantaneous_Pa: instantaneous shear modulus of each candidate, (P,). series: a Prony series for each
-        candidate. load_factor: factor on the part of the moments that the field causes, for each candidate, (P,).
+        candidate. load_factor: factor on the field for each candidate, (P,).
         """
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]
@@ -233,12 +226,10 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return the straight lines between neighbouring points of several load curves, (2, curves * lines).
+    """Return slope and value at the rotation 0 of the straight lines between neighbouring points of several curves.
 
-    A load curve is the moment of the loads as a function of the rotation of the tip. The result has the slope of each
-    line in its first row, and the moment of the line at the rotation 0 in its second row. Moments are divided by a
-    constant of the beam in m³: their unit is Pa rad, and the unit of slopes is Pa. rotations, moments: the points of
-    each curve, (curves, lines + 1).
+    rotations, moments: the points of each curve, (curves, lines + 1), in rad and Pa rad. The result has slopes (Pa) in
+    its first row and values (Pa rad) in its second, (2, curves * lines).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
@@ -284,9 +275,8 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
     """Return the times in s at the ends of the integration steps between two changes of the load.
 
-    ``first`` and ``last`` are the times of the two changes. The steps are short just after ``first``, where the beam
-    moves fast, and become longer. The times in ``wanted``, at which the rotation is needed, are among the ends. There
-    are more steps if ``first`` is the last change of the load (``is_last``); ``last`` is then the end of the recording.
+    first, last: times of the two changes; wanted: times at which the rotation is needed; is_last: whether ``last`` is
+    the end of the recording.
     """
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE

@@ -17,8 +17,7 @@ Kind = Literal["ring_down", "creep"]
 class Motion:
     """A recorded ring-down or creep of a beam: positions of points on the centre line, or of tracked markers.
 
-    Times are measured from the step of the load. At this moment the current was changed or a weight was taken away. If
-    the beam was flicked by hand, there is no step of the load, and times may be measured from any moment.
+    Times are measured from the step of the load, if there is one.
 
     Parameters
     ----------

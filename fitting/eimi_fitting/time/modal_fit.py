@@ -43,10 +43,10 @@ _CLOSE, _CANCELLING = 1.5, 1.5  # ratio of close frequencies; sum of their ampli
 
 @dataclass(frozen=True)
 class ModalFit:
-    """A fit of m damped vibrations (modes) to the signals of a ring-down.
+    """A fit of m damped vibrations (modes) to the signals of a ring-down (a free vibration).
 
     omega is the angular frequency and delta the decay rate of a mode. kappa_1 and kappa_2 describe how frequency and
-    loss factor of the first mode grow with the squared amplitude (equations in `time.modal_fit`).
+    loss factor of the first mode grow with the amplitude.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class ModalFit:
 
     @staticmethod
     def first_of(signals: Signals, frequency: float) -> ModalFit:
-        """Fit one damped vibration near a frequency in Hz. The fit starts from the best of several loss factors."""
+        """Fit one damped vibration near a frequency in Hz."""
         start = np.array([np.log(2 * np.pi * frequency), 0.0])
         values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
         start[1] = _LOSSES[int(np.argmin(values))]
@@ -147,7 +147,7 @@ class ModalFit:
     def vibration_mm(self, which: int | None = None) -> Array:
         """Return the fitted vibrations in n frames and c channels (coordinates of points), (n, c) in mm.
 
-        which: number of the mode, from 0; None: the sum of all modes and of the harmonics.
+        which: number of the mode, from 0; None: the sum of all modes and of their harmonics.
         """
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
@@ -155,10 +155,7 @@ class ModalFit:
 
     @property
     def cancels(self) -> bool:
-        """Whether the fit contains vibrations of almost equal frequency that nearly cancel each other.
-
-        Each is then much larger than their sum, and the fit is not meaningful.
-        """
+        """Whether the fit contains vibrations of almost equal frequency that nearly cancel each other."""
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         parts = [self.vibration_mm(int(k)) for k in np.flatnonzero(close)]
         sizes = [float(np.abs(part).max()) for part in parts]
@@ -173,11 +170,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with its largest vibration as the first mode.
-
-        Only modes with almost the frequency of the present first mode are compared. The modes are fitted again in the
-        new order.
-        """
+        """Return the fit with its largest vibration as the first mode."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -187,10 +180,7 @@ class ModalFit:
         return ModalFit.of(self.signals, self.modes[order], False)
 
     def slow_mm(self) -> Array:
-        """Return the fitted baseline (slow motion) in n frames and c channels (coordinates of points), (n, c) in mm.
-
-        The baseline includes the shift that is proportional to the square of the first mode's amplitude.
-        """
+        """Return the fitted baseline (slow motion) in n frames and c channels (coordinates of points), (n, c) in mm."""
         # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
         first = 2 * len(self.modes) + 4
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
@@ -235,9 +225,9 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a mode at n times, (n,): the mode vibrates as Re(a exp(psi)).
 
-    time: seconds since the first frame. mode: ln omega and the loss factor. bend: kappa_1 and kappa_2; empty if both
-    are 0. At the first frame the frequency is larger by the fraction kappa_1, and the loss factor by 2 kappa_2, than at
-    small amplitudes.
+    time: seconds since the first frame. mode: ln omega (omega: angular frequency in rad/s) and the loss factor at small
+    amplitudes. bend: relative increase of the frequency, and half of the increase of the loss factor, at the first
+    frame; empty if both are 0.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -249,14 +239,11 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 
 
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time whose linear combinations are fitted to the signals, one in each column, at n times.
+    """Return the functions of time whose linear combinations are fitted to the signals, one in each column.
 
-    The columns are: a decaying cosine and a decaying sine for each mode; cosine and sine at two and at three times the
-    frequency of the first mode (harmonics); the square of the first mode's amplitude, because a nonlinear beam vibrates
-    about a shifted position; and splines for the slow motion.
-
-    time: seconds since the first frame, (n,). modes: ln omega and loss factor in each row. bend: the numbers kappa_1
-    and kappa_2, by which frequency and loss factor of the first mode grow with the amplitude; empty if both are 0.
+    time: seconds since the first frame, (n,). modes: ln(angular frequency in rad/s) and loss factor in each row. bend:
+    relative increase of the first frequency, and half of the increase of its loss factor, at the first frame; empty if
+    both are 0.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
@@ -280,9 +267,7 @@ def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
 def _baseline(time: Array, frequency: float) -> Array:
     """Return the functions of time that describe the slow motion of the beam, one in each column, at n times.
 
-    Their linear combinations are cubic splines, whose knots are at least 4 periods of ``frequency`` (Hz) apart on
-    average, so that they cannot follow the vibration. For a recording of less than about 8 periods they are straight
-    lines.
+    They cannot follow a vibration of the frequency ``frequency`` (Hz).
     """
     span = time[-1] - time[0]
     inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
@@ -302,7 +287,7 @@ def _misfit(signals: Signals, mode: Array) -> float:
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the level of the noise near a frequency: the standard deviation of white noise with the same power there.
+    """Return the standard deviation of white noise with the power of the residuals near a frequency.
 
     residuals: the residuals of r signals in n frames, (n, r); frequency: in Hz.
     """

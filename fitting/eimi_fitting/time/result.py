@@ -100,8 +100,7 @@ class RingDown:
 class CreepCurve:
     """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time.
 
-    ``label`` is the origin of the recording, and ``time_s`` the time after the step of the load. ``sigma_deg`` is the
-    standard uncertainty of the measured rotation.
+    ``time_s`` is the time after the step of the load, and ``sigma_deg`` the standard uncertainty of the rotation.
     """
 
     label: str
@@ -186,7 +185,7 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage modulus Re mu* of P candidate laws at an angular frequency, (P,) in Pa.
+    """Return the storage modulus of P candidate laws at an angular frequency, (P,) in Pa.
 
     unknowns: the m unknowns of each candidate, (P, m); omega: angular frequency in rad/s.
     """
@@ -323,9 +322,8 @@ def result_of(
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
     """Return the factor on the stated magnetic moment at which static states and motions give the same modulus.
 
-    Motions are vibrations and creep. A value far from 1 shows that the stated moment is wrong. free: the optimum of a
-    fit with an unknown moment. effects: the changes of the residuals if uncertain inputs change by their
-    uncertainties.
+    free: the optimum of a fit with an unknown moment. effects: the changes of the residuals if uncertain inputs change
+    by their uncertainties.
     """
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
@@ -340,8 +338,7 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 def _gain(before_Hz: float, after_Hz: float) -> float:
     """Return the derivative of ln(modulus) by ln(frequency) of a beam's vibration.
 
-    The derivative converts an error of the frequency to an error of the modulus. before_Hz, after_Hz: frequencies
-    before and after an increase of the modulus by 5 %.
+    before_Hz, after_Hz: frequencies before and after an increase of the modulus by 5 %.
     """
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
@@ -351,10 +348,7 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return ``count`` random factors on the modulus that stand for the uncertainty due to the small effects.
-
-    The factors are normal with the mean 1. Their variance is the sum of the variances of all effects in ``small``.
-    """
+    """Return ``count`` normal random factors on the modulus that stand for the uncertainty due to the small effects."""
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 
@@ -366,11 +360,9 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
 
 
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of times around ``start_s`` in which the data determine the modulus, to 5 %.
+    """Return the range of times around ``start_s`` in which the data determine the modulus to 5 %.
 
-    The range is extended from ``start_s`` to both sides, as long as the half-width of the 95 % interval of mu(t) is at
-    most 5 %. It ends at the latest where the data end. curves: the modulus mu(t) of D draws from the posterior at m
-    times t, (D, m). data_s: the range of times that the data cover.
+    curves: the modulus at m times for D random draws, (D, m). data_s: the range of times that the data cover.
     """
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
@@ -430,9 +422,9 @@ def _budget(
     """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects.
 
     terms, optimum: the unknowns of the law, and their optimum. omega, dynamic: angular frequency in rad/s, and dynamic
-    modulus in Pa at this frequency. draws_fit: draws of the unknowns without the errors of the inputs. sources:
-    standard uncertainties of the inputs. steps: changes of the unknowns if an input changes by its uncertainty.
-    load_sigmas: relative standard uncertainties of the magnetic loads. small: the small effects, such as the air.
+    modulus in Pa. draws_fit: random draws of the unknowns without the errors of the inputs. sources: standard
+    uncertainties of the inputs. steps: changes of the unknowns by these uncertainties. load_sigmas: relative standard
+    uncertainties of the magnetic loads. small: the small effects, such as the air.
     """
     entries = []
 

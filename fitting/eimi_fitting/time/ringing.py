@@ -60,10 +60,9 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 
 
 class RingTable:
-    """The complex frequencies of a specimen, for any equilibrium modulus near ``middle_Pa`` and any Prony series.
+    """The frequencies and decay rates of a specimen for any viscoelastic law near a given modulus.
 
-    The equilibrium modulus is the shear modulus with which the static equilibrium is computed. A Prony series gives the
-    ratio of the modulus in a vibration to the equilibrium modulus.
+    The equilibrium modulus is the shear modulus with which the equilibrium under the loads is computed.
 
     Parameters
     ----------
@@ -105,10 +104,7 @@ class RingTable:
         self.range_Pa = (float(np.exp(logs[sound[0]])), float(np.exp(logs[sound[-1]])))
 
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
-        """Return the complex rates s of the vibrations of P candidate laws, (P, count) in 1/s.
-
-        A vibration is proportional to exp(s t). The rates are computed with the planar (two-dimensional) model of the
-        beam, and corrected to the rates of the solid model.
+        """Return the complex rates s of the vibrations exp(s t) of P candidate laws, (P, count) in 1/s.
 
         Parameters
         ----------
@@ -137,11 +133,10 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return the function that computes eigenvalues of the planar model: squared angular frequencies, (P, count).
+        """Return the function that computes squared angular frequencies of the planar model, (P, count).
 
-        The argument of this function is the modulus ratio r of each mode, (P, count): the modulus in the vibration
-        divided by the equilibrium modulus. log_modulus: logarithms of P equilibrium moduli, (P,). load_log: logarithms
-        of P factors on the magnetic loads, (P,).
+        Its argument is the modulus in the vibration divided by the equilibrium modulus, (P, count). log_modulus:
+        logarithms of P equilibrium moduli, (P,). load_log: logarithms of P factors on the magnetic loads, (P,).
         """
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
@@ -154,21 +149,17 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Two factors for each of three modes of the planar model, which correct it to the solid model, (3,) each.
+        """Two factors for each of three planar modes, on the modulus and on the squared frequency, (3,) each.
 
-        The first factor multiplies the modulus ratio r: the modulus in the vibration divided by the equilibrium
-        modulus. The second factor multiplies the eigenvalue (the squared angular frequency). With both, the planar
-        model has the eigenvalues of the solid model for r = 0.9 and for r = 1.2. Without loads the eigenvalues are
-        proportional to r, and the factor on r is 1.
+        With them the planar model has the frequencies of the solid model.
         """
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(eigenvalue) of three modes of the planar model at r = 0.9 and r = 1.2, (3, 2).
+            """Return ln(squared angular frequency) of three planar modes at two moduli, (3, 2).
 
-            The ratio r is the modulus in a vibration divided by the equilibrium modulus. log_factors: for each mode,
-            the logarithm of a factor by which r is first multiplied.
+            log_factors: for each mode, the logarithm of a factor on the modulus in the vibration.
             """
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
@@ -184,28 +175,18 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the solid model, divided by the same frequencies of the planar model, (3,).
-
-        For a specimen with a planar section, a planar model with a finer mesh takes the place of the solid model.
-        """
+        """The three lowest frequencies of the solid model, divided by those of the planar model, (3,)."""
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The factor on the modulus with which the planar model bends as far as the solid model under the same loads.
-
-        It makes the rotations of the two tips equal. The shear modulus of the solid model is ``middle_Pa``. The factor
-        is 1 for a specimen with a planar section.
-        """
+        """The factor on the modulus with which the planar model bends as far as the solid model."""
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
         """Return the factor by which the identified modulus would change if the section were solid.
 
-        The specimen file may state a planar section, such as plane strain. The same measured frequency gives another
-        modulus with a solid section. The result is the modulus with a solid section divided by the modulus with the
-        stated section; 1 if the stated section is solid. `NoEquilibrium` is raised if the solid model has no
-        equilibrium.
+        The stated section is the one in the specimen file, for example plane strain.
         """
         if self.beam.specimen.section == "solid":
             return 1.0
@@ -232,13 +213,10 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """The differences of a better model from the planar model: in its frequencies, its bending and its eigenvalues.
+        """The frequencies, the modulus and the eigenvalues of the solid model, compared with the planar model.
 
-        The better model is the solid model, or a finer planar model if the section is planar. The first value is the
-        three lowest frequencies of the better model, divided by those of the planar model, (3,). The second value is
-        the factor on the modulus with which the planar model bends as far as the better model. The third value is the
-        eigenvalues (squared angular frequencies) of three modes of the better model, (3, 2) in 1/s². Their columns
-        belong to moduli in the vibration of 0.9 and 1.2 times the static modulus.
+        They are: three frequencies divided by those of the planar model, (3,); the factor on the modulus with which the
+        planar model bends as far; squared angular frequencies of three modes at two moduli, (3, 2) in 1/s².
         """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
@@ -270,10 +248,6 @@ class RingTable:
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
         """Return how a finer mesh across the beam would change the solid model: its frequencies and its bending.
 
-        The stress has large gradients at the clamp and at the magnet, which need small elements. These lower the
-        frequency by 0.04 to 0.06 %. The change is computed with two planar (two-dimensional) models, because it is
-        nearly the same in a planar model as in the solid model, at a hundredth of the cost.
-
         Parameters
         ----------
         coarse : BeamModel
@@ -284,7 +258,7 @@ class RingTable:
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Factors on the eigenvalues (squared angular frequencies) of three modes at two moduli, see `_eigenvalues`.
+            Factors on the eigenvalues (squared angular frequencies) of three modes at two moduli.
         turn_deg : float
             Change of the rotation of the tip in degrees. The results are 1 and 0 if a planar model has no equilibrium.
         """
@@ -345,9 +319,9 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the eigenvalues (squared angular frequencies) of three modes of one candidate, (3, 2) in 1/s².
+    """Return the squared angular frequencies of three modes at two moduli, (3, 2) in 1/s².
 
-    The columns belong to two moduli in the vibration: 0.9 and 1.2 times the static modulus.
+    The moduli in the vibration are 0.9 and 1.2 times the static modulus.
     """
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
@@ -371,10 +345,9 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert the variable x of the interpolating polynomials, -1 < x <= 1, to the modulus ratio r.
+    """Convert a variable, -1 < x <= 1, to the modulus in a vibration divided by the equilibrium modulus.
 
-    r is the modulus in a vibration divided by the equilibrium modulus. The polynomials interpolate in 1/r, and 1/r is a
-    linear function of x.
+    The frequencies are interpolated by polynomials in this variable.
     """
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 

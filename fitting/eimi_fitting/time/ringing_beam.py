@@ -86,9 +86,9 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the same beam and loads with deviations of uncertain inputs, such as the width, from stated values.
+        """Return the same beam and loads with errors of uncertain inputs, such as the width.
 
-        deviations: the deviations by the names of the inputs.
+        deviations: the errors by the names of the inputs.
         """
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,

@@ -33,24 +33,19 @@ _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the 
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads on a beam over time. A curve gives the moment of each load as a function of the rotation of the tip.
+    """The loads on a beam over time.
 
     Attributes
     ----------
     steps : tuple of LoadStep
-        The loads in the order of time. Each `LoadStep` contains the time at which the load begins.
+        The loads in the order of time. Each begins at its own time.
     """
 
     steps: tuple[LoadStep, ...]
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the history of the loads in K states, with a curve for each load.
-
-        A curve gives the moment of the load as a function of the rotation of the tip. It goes through seven points. For
-        each of seven shear moduli, the rotation under the load is computed, and the moment at this rotation is the
-        product of modulus and rotation. The same computation in a stronger field gives the part of the moment that the
-        field causes.
+        """Return the loads in K states over time, with the moment of each as a function of the rotation of the tip.
 
         Parameters
         ----------
@@ -88,9 +83,7 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
     """Return how strongly gravity resists a rotation of the tip, as a shear modulus in Pa.
 
-    A beam of this shear modulus would resist the rotation as strongly without gravity. The stiffness of the lowest mode
-    is the sum of a part due to the material and a part due to gravity. The result is the shear modulus ``middle_Pa``
-    times the second part divided by the first.
+    A beam of this shear modulus would resist the rotation as strongly without gravity.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -98,13 +91,9 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow motion of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
+    """The slow rotation of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
 
-    The rotation is measured up to an unknown constant, so that only its changes are evidence. The weighted mean of the
-    deviations is therefore subtracted from the deviations. A bent beam that vibrates has another mean rotation than a
-    beam at rest. The difference is proportional to the square of the amplitude. The factor is unknown, and has a
-    normal prior. A part of the deviations that changes in time like the squared amplitude is therefore subtracted,
-    too.
+    The rotation is measured up to an unknown constant.
 
     Attributes
     ----------
@@ -132,8 +121,7 @@ class CreepEvidence:
     def shown_at(self, true: Array) -> Array:
         """Return the rotations of the tip that would be measured if its true rotations were ``true``, both in rad.
 
-        The measurement has a systematic error, because it converts displacements to rotations by a constant factor.
-        Both arrays have the same shape.
+        The measurement has a systematic error for a strongly bent beam.
         """
         if self.shown is None:
             return true
@@ -143,20 +131,14 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation of the tip that would be measured at the k times of the recording, (P, k) in rad.
-
-        It is computed for P candidate laws and contains the systematic error of the measurement.
-        """
+        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad."""
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
         """Return the residuals of the creep for P candidate laws, (P, k + 1), from the computed rotations of the tip.
 
-        The first k residuals are the computed minus the measured rotations, divided by their standard uncertainty. The
-        mean of these differences and their part with the time course of the squared amplitude are subtracted first. The
-        last residual belongs to the prior of the factor on the squared amplitude. true: the computed rotations at the k
-        times of the recording, (P, k) in rad.
+        true: the computed rotations at the k times of the recording, (P, k) in rad.
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -180,9 +162,6 @@ class CreepEvidence:
 @dataclass(frozen=True)
 class StaticEvidence:
     """The shear modulus from an elastic fit to static states, as evidence (a residual of a Prony fit).
-
-    The states were measured in one or more runs. In a run, one load after another acts on the beam. The edges of a
-    state are measured some time after the load was set. The material has relaxed during this time.
 
     Attributes
     ----------
@@ -226,19 +205,15 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that an elastic fit would find in the static states of a viscoelastic beam, (P,).
-
-        The static states are simulated for P viscoelastic candidate laws. An elastic fit ignores that the modulus
-        relaxes while the loads act.
-        """
+        """Return ln(modulus) that a fit without relaxation would find for P viscoelastic laws, (P,)."""
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return ln(modulus) that an elastic fit would find in static states with given rotations of the tip, (P,).
+        """Return ln(modulus), the mean of ln(moment of the load / rotation of the tip) over the static states, (P,).
 
-        The result is a mean over the states; states with larger rotations have more weight. rotations: for each run,
-        the rotations when the edges of its states were measured, for P candidate laws, (P, states) in rad.
+        The moment is in Pa rad (divided by a constant of the beam in m³). rotations: for each run, the rotations of the
+        tip for P candidate laws, (P, states) in rad.
         """
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
@@ -254,16 +229,19 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the residual of the static states for P candidate laws, (P, 1), from the rotations of the tip.
+        """Return the deviation of ln(modulus) from its measured value for P candidate laws, (P, 1).
 
-        It is the deviation of ln(modulus), divided by its standard uncertainty. rotations: for each run, the rotations
-        when the edges of its states were measured, (P, states) in rad.
+        It is divided by its standard uncertainty. rotations: for each run, the rotations of the tip when its states
+        were measured, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the residual changes if an uncertain input, such as the width, changes; see `Evidence.effects`."""
+        """Return the changes of the residual if uncertain inputs, such as the width, change by their uncertainties.
+
+        sources: the standard uncertainties of the inputs, by name.
+        """
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
         slope = (self._rotations(self.beam, 1.02) - self._rotations(self.beam, 1 / 1.02)) / (2 * np.log(1.02))
@@ -303,9 +281,6 @@ class StaticEvidence:
 class SlowEvidence:
     """The evidence of all recordings of creep and of the static states together.
 
-    Their histories of loads are integrated side by side, because the cost of an integration hardly depends on their
-    number.
-
     Parameters
     ----------
     creeps : sequence of CreepEvidence
@@ -321,7 +296,10 @@ class SlowEvidence:
         )
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of every recording of creep, and of the static states, see `Evidence.residuals`."""
+        """Return the residuals of every recording of creep, and of the static states, for P candidate laws.
+
+        Each is divided by its standard uncertainty.
+        """
         rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
         rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
         if self._static:
@@ -329,7 +307,10 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return how the residuals change if an uncertain input, such as the width, changes; see `Evidence.effects`."""
+        """Return the changes of the residuals if uncertain inputs, such as the width, change by their uncertainties.
+
+        sources: the standard uncertainties of the inputs, by name.
+        """
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:
             parts.append(self._static.effects(sources))

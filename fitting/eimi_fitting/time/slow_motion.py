@@ -33,12 +33,6 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
     """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
-    Two similar equilibria of the beam are computed. The result is the difference of their shapes, divided by the
-    difference of their rotations. The equilibria have the loads after the step and different moduli, because the
-    modulus changes while the beam creeps. If the shape does not depend on the modulus, as for a hanging beam without a
-    field, the equilibria have different loads: the loads after the step, and loads a tenth of the step nearer to those
-    before it.
-
     Parameters
     ----------
     beam : RingingBeam
@@ -78,9 +72,7 @@ def shown_rotations(
 ) -> tuple[Array, Array] | None:
     """Return a table that converts the true rotation of the tip to the rotation that is measured in the pictures.
 
-    The measurement has a systematic error: it divides displacements by a constant displacement per rad. In a beam that
-    is bent by its loads, the true displacement per rad changes while the beam creeps. Simulated rotations are converted
-    with the table before they are compared with measured ones, so that both have the same error.
+    The measurement has a systematic error: it divides displacements by a constant displacement per rad.
 
     Parameters
     ----------
@@ -122,8 +114,7 @@ def shown_rotations(
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
     """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam late in the recording.
 
-    The displacement of a point for a rotation of the tip depends on how far the beam is bent. It is therefore computed
-    for the bending that the pictures show. The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
+    The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
 
     Parameters
     ----------
@@ -177,7 +168,7 @@ def slow_rotations(
     decay : Decay or None
         The vibrations in the recording; None if no vibration was found in it.
     per_rad_mm : ndarray, shape (p, 2)
-        Displacements of the p points for a rotation of the tip by one rad, see `displacement_per_rad`.
+        Displacements of the p points for a rotation of the tip by one rad.
 
     Returns
     -------
@@ -219,8 +210,7 @@ def slow_rotations(
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
     """Return times (s) and the squared amplitudes of the fitted vibration at these times, as rotations in rad².
 
-    A rotation is that of the tip. gain: for each channel (coordinate of a point), the displacement for a rotation of
-    the tip by one rad, divided by the noise.
+    gain: for each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
@@ -233,10 +223,8 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
     """Return the n frames that show the slow motion: times, rotations of the tip, remaining vibrations, (n,) each.
 
-    The times are in s, and the rotations in rad, up to a constant. The fitted vibrations are subtracted. What remains
-    of them is given as a root mean square rotation in rad. decay: the fitted vibrations; None if no vibration was
-    found. gain: for each channel (coordinate of a point), the displacement for a rotation of the tip by one rad,
-    divided by the noise.
+    The times are in s, the other two in rad. decay: the fitted vibrations; None if no vibration was found. gain: for
+    each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
     """
     times = signals.time_s
 
@@ -260,10 +248,8 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
     """Return the amplitude of the vibration in m later frames, (m,), as a root mean square rotation of the tip in rad.
 
-    The vibration was fitted to a part of the recording and is subtracted only in this part. A small vibration remains
-    in the later frames. It adds to the uncertainty of the mean rotation over a few frames. gain: for each channel
-    (coordinate of a point), the displacement for a rotation of the tip by one rad, divided by the noise. times_s: times
-    of the m frames.
+    gain: for each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
+    times_s: times of the m frames.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
@@ -277,11 +263,6 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
 
 def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
     """Return the size of a vibration in n frames, which are too few to fit it: root mean square rotations in rad, (n,).
-
-    The beam vibrates after a step of its load. If the times between the frames are longer than the period, the
-    vibration looks like noise that becomes smaller with time. The rotation is therefore taken as a straight line in
-    ln t with normal noise, whose standard deviation is a exp(-d t). The numbers a and d, and the line, are those with
-    the largest likelihood.
 
     Parameters
     ----------

@@ -46,12 +46,6 @@ def small_effects(
 ) -> tuple[SmallEffect, ...]:
     """Return the estimates of all small effects on the modulus and loss factor of one ring-down (a free vibration).
 
-    The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
-    6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87). Eddy currents arise in the magnet
-    when it rotates in the field. The magnet also induces a voltage in the coil, and energy is lost in the resistance of
-    the coil. The motion during an exposure reduces all amplitudes by the same factor, and a clamp that is much stiffer
-    than the silicone loses no energy. The last two effects therefore contribute nothing to the uncertainties.
-
     Parameters
     ----------
     specimen : Specimen

@@ -48,12 +48,8 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
     """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing.
 
-    The two vibrations have almost equal frequencies. The weight swings if this fit describes the motion much better
-    than ``fitted``, the fit of one vibration to the same frames.
-
-    The result is also None if the motion seems to have another cause than a swing. This is so if the two vibrations
-    differ by less than 10 % in frequency, the first two time windows (``windows``) have the same frequency, and the
-    loss factor of the first window is a fifth to a half of the loss factor of the beam in this fit.
+    fitted: the fit of one vibration to the same frames; windows: its frequency and loss factor in parts of the
+    recording.
     """
     if fitted.noise < _NOISE:
         return None
@@ -82,7 +78,9 @@ def _is_sound(two: ModalFit) -> bool:
 
 
 def of_beam(two: ModalFit) -> tuple[Array, Array]:
-    """Return the vibration of the beam with a weight that does not swing, and its covariance.
+    """Return the vibration that the beam would have if its hanging weight did not swing, and its covariance.
+
+    two: the fit of two vibrations to the motion of the beam with the swinging weight.
 
     Returns
     -------
@@ -102,7 +100,7 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
 
 
 def _squares(modes: Array) -> NDArray[np.complex128]:
-    """Return the squares of the complex angular frequencies of the two vibrations that a swinging weight causes, (2,).
+    """Return the squares of the complex angular frequencies of two vibrations, (2,).
 
     modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
     """
@@ -111,10 +109,9 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the part of the energy of each of two vibrations that is in the beam, as fractions, (2,).
+    """Return the part of the energy of each of two vibrations that is in the beamand not in the swinging weight, (2,).
 
-    The rest of the energy is in the swinging weight. modes: ln(angular frequency) and loss factor of the first
-    vibration, then of the second one, (4,).
+    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
     """
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())
@@ -123,8 +120,8 @@ def _shares(modes: Array) -> Array:
 def _alone(modes: Array) -> Array:
     """Return ln(angular frequency) and the loss factor of the beam with a weight that does not swing, (2,).
 
-    They are computed from the two vibrations that the swing of the weight causes. modes: ln(angular frequency) and
-    loss factor of the first of them, then of the second one, (4,).
+    modes: ln(angular frequency) and loss factor of the first vibration with the swinging weight, then of the second
+    one, (4,).
     """
     squares, shares = _squares(modes), _shares(modes)
     if abs(modes[2] - modes[0]) > np.log(_APART):

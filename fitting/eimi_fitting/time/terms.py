@@ -27,7 +27,7 @@ MODULUS_SIGMA = 3.0
 
 @dataclass(frozen=True)
 class Terms:
-    """The 1 + 2 n unknowns of a viscoelastic law with n terms, and their prior; the module `time.terms` lists them.
+    """The 1 + 2 n unknowns of a viscoelastic law with n terms, and their prior.
 
     Attributes
     ----------
@@ -48,10 +48,9 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns of a Prony series with n terms, shape (1 + 2 n,).
+        """The prior means of the logarithms of the long-term modulus, the n relative moduli and the n relaxation times.
 
-        The unknowns are logarithms: of the long-term modulus, of the n moduli of the terms relative to it, and of the n
-        relaxation times.
+        The shape is (1 + 2 n,) for n terms of a Prony series.
         """
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
@@ -59,10 +58,9 @@ class Terms:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n unknowns of a Prony series with n terms, shape (1 + 2 n,).
+        """The prior standard deviations of the 1 + 2 n logarithms of moduli and relaxation times, (1 + 2 n,).
 
-        The unknowns are logarithms: of the long-term modulus, of the n moduli of the terms relative to it, and of the n
-        relaxation times.
+        There are n terms in the Prony series.
         """
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
@@ -71,7 +69,7 @@ class Terms:
     def split(self, unknowns: Array) -> tuple[Array, Prony]:
         """Return the instantaneous shear moduli of P candidate laws, (P,) in Pa, and their Prony series.
 
-        unknowns: the 1 + 2 n unknowns of each candidate, (P, 1 + 2 n).
+        unknowns: the 1 + 2 n unknowns of each candidate with n terms, (P, 1 + 2 n).
         """
         n = self.count
         long_term = np.exp(unknowns[:, 0])
