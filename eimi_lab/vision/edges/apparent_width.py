@@ -16,12 +16,7 @@ _POINTS = 1201  # of each line
 
 
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
-    """Return the median width (mm) of the body that lies on the beam's axis near the clamp.
-
-    The width is measured on nine lines across the axis, at distances of 0.1 to 0.3 of the length from the clamp. A
-    threshold midway between dark and bright (the 5th and the 95th percentile of the grey values on the lines) divides
-    each line into dark and bright stretches. The body is the stretch that crosses the axis. The width in the specimen
-    file is not used.
+    """Return the width (mm) of the body in the picture that lies on the beam's axis near the clamp.
 
     Parameters
     ----------
@@ -35,8 +30,7 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Returns
     -------
     float or None
-        The width. None if an end of the body is not found on one of the lines. The ends are searched within the image,
-        at most half a length of the specimen from the axis.
+        The width; None if an end of the body is not found.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)

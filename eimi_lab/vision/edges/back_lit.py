@@ -42,7 +42,7 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """A grey image of H by W pixels in which the beam is dark; for a bright beam, the negative of the picture."""
+    """A grey image in which the beam is dark; for a bright beam, the negative of the picture."""
 
     pixels: NDArray[Any]
     largest: float
@@ -51,10 +51,10 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """A beam that was detected in an image in front of a back-light.
+    """A beam in front of a back-light, with its outline accurate to about a pixel.
 
     `picture` is the image, `clamp` the line at which the beam leaves its clamp, and `silhouette` the outline of the
-    beam in the image, with the two corners of the beam's tip. The edges are then searched near this outline.
+    beam.
     """
 
     picture: _DarkBeamImage
@@ -66,12 +66,6 @@ class OutlinedBeam:
 class BackLitSearch:
     """The search for the edges of a beam in one image, in front of a back-light.
 
-    The search starts from the outline of the silhouette (the dark body in the picture that leaves the clamp), which is
-    accurate to about a pixel. On normals to this outline, profiles of grey values are read; each profile is the mean of
-    four parallel lines. The edge is the place of a step, blurred by a Gaussian, that is fitted to the profile. The grey
-    values on both sides of the step are fitted to each profile, but the blur is the same for the whole image. The fit
-    is then repeated on normals to the smooth curve through the fitted points.
-
     Attributes
     ----------
     frame : BeamFrame
@@ -81,13 +75,12 @@ class BackLitSearch:
     specimen_file : SpecimenFile
         The specimen and its magnet.
     findings : dict of str to float
-        The measured values, with the keys of the table of flags (the quality checks in `vision.flags`). The search adds
-        its values to this dictionary.
+        Measured values for the quality checks of the picture. The search adds its values to this dictionary.
     limits : mapping of str to float, optional
-        Limits that replace limits in the table of flags, with the same keys.
+        Limits that replace the usual limits of the quality checks, with the same keys.
     even_turn_deg : float
         The angle by which the beam would have to be turned about its axis to look as wide as in the picture; 0 before
-        the search. The advice of the flags (failed quality checks) names this angle.
+        the search.
     projection : Projection, optional
         Weighted sum by which the colours of the image become grey values.
     polarity : {"dark", "bright"}, optional
@@ -110,7 +103,7 @@ class BackLitSearch:
         self.width_px = self.shape.narrowest_mm * self.pixels_per_mm
 
     def find_outline(self, image: ArrayLike) -> OutlinedBeam | None:
-        """Find the clamp line (where the beam leaves its clamp), the outline and the corners, accurate to about a px.
+        """Find the outline of the beam and its corners, accurate to about a pixel.
 
         Parameters
         ----------
@@ -132,7 +125,7 @@ class BackLitSearch:
         Parameters
         ----------
         beam : OutlinedBeam
-            The beam from `find_outline`.
+            The beam with its approximate outline.
         spacing_mm : float
             Desired distance between the points along the edges.
 
@@ -174,10 +167,7 @@ class BackLitSearch:
         return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
     def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
-        """Return the clamp line and the silhouette, accurate to about a pixel; None if no silhouette has corners.
-
-        The silhouette is the outline of the dark body that leaves the clamp at the clamp line.
-        """
+        """Return the clamp line and the outline of the beam, accurate to about a pixel; None if no beam is found."""
         pixels = picture.pixels
         light = measure_back_light(pixels, self.frame, self.shape.at_clamp_mm)
         clamp = find_clamp_line(pixels, self.frame, self.shape.at_clamp_mm, light.bright)
@@ -202,12 +192,7 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Locate the edges more accurately in two passes; return the second pass and the four corners of the beam, px.
-
-        The first pass searches the edges on normals to the silhouette (the outline of the dark body). The second pass
-        searches them on normals to the edges from the first pass. The corners have the shape (4, 2). Return None if an
-        edge is too short.
-        """
+        """Locate the edges near the outline, then again near the located edges; None if an edge is too short."""
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand
         first = first_pass(picture.pixels, silhouette, hand, spacing_px, self.width_px, margin)
@@ -219,10 +204,7 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
-        """Return the silicone beside the magnet, in px: its width on each side, and where it begins.
-
-        The width is uncertain, because the magnet may lie off the middle of the beam. Without a magnet the width is 0.
-        """
+        """Return the width and position of the silicone beside the magnet, in px; the width is 0 without a magnet."""
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -233,11 +215,9 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Measure how the beam differs from specimen and calibration, and add the values to `findings`.
+        """Add the deviations of width and length, the twist and the clamp's offset to `findings`.
 
-        The values are the deviations of width and length, the twist, and the distance between the clamp in the picture
-        and the clamp of the calibration. Return False if the body is too wide to be the beam; only the deviation of the
-        width is then added.
+        Return False if the body is too wide to be the beam.
         """
         left, right = (side.points_px[side.sound] for side in second.sides)
         # Widths as those of a beam that has its mean width everywhere.
@@ -258,11 +238,7 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Return the edges of the second pass, with the points near a step of the beam's width marked as unsound.
-
-        Unsound points are not used. A step is an abrupt change of the width. A smooth curve cuts the corners of a step,
-        and the points near a step are therefore biased.
-        """
+        """Mark the edge points near a step (an abrupt change) of the beam's width as not usable."""
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
             replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
@@ -270,20 +246,15 @@ class BackLitSearch:
         return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        """Return the sound points (with a detected step) of one edge in mm, with their standard deviations.
-
-        The points have the desired spacing. `scatter` is the factor by which the standard deviations that follow from
-        the fit are multiplied, so that they agree with the scatter of the points.
-        """
+        """Return the usable points of one edge in mm, with their standard deviations multiplied by `scatter`."""
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return two texts that complete the advice of the quality checks of the beam's width and of its twist.
+        """Return texts on how much the fitted modulus is wrong if the beam is turned about its axis.
 
-        The texts say by how much the fitted modulus is wrong if the beam is turned about its axis. Their keys are the
-        words in braces in the advice, which the texts replace.
+        The keys are the words in braces that the texts replace in the advice of the quality checks.
         """
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
@@ -298,11 +269,7 @@ def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: fl
 
 
 def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: float) -> Array:
-    """Return the corners of the beam, px, shape (4, 2): clamp-left, clamp-right, tip-left, tip-right.
-
-    The corners at the clamp are the crossings of the two edges with the clamp line (where the beam leaves its clamp).
-    The corners at the tip are the crossings of the two edges with the straight line along the face of the tip.
-    """
+    """Return the corners of the beam, px: clamp-left, clamp-right, tip-left, tip-right."""
     face = _line_through(tip.points_px[tip.sound])
     corners = []
     for side in (left, right):
@@ -320,16 +287,13 @@ def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: flo
 
 
 def _line_through(points: Array) -> tuple[Array, Array]:
-    """Return the centre and the unit direction of the total-least-squares line through n >= 2 points, shape (n, 2)."""
+    """Return the centre and the unit direction of the total-least-squares line through at least two points."""
     centre = points.mean(axis=0)
     return centre, np.linalg.svd(points - centre, full_matrices=False)[2][0]
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the point at which two lines cross, shape (2,); NaN if the lines are almost parallel.
-
-    Each line is given by a point on the line and the unit direction of the line.
-    """
+    """Return the point at which two lines (point, unit direction) cross; NaN if they are almost parallel."""
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)

@@ -29,8 +29,8 @@ class ClampLine:
     ahead : ndarray, shape (2,)
         Unit vector perpendicular to the line, away from the clamp.
     visible_share : float
-        Share of the grey-value profiles beside the beam that show the edge of the clamp. If this share is below one
-        half, the clamp line of the calibration is used.
+        Share of the places beside the beam at which the edge of the clamp is visible. Below one half, the clamp line of
+        the calibration is used.
     """
 
     point_px: Array
@@ -38,7 +38,7 @@ class ClampLine:
     visible_share: float
 
     def distance_px(self, points_px: Array) -> Array:
-        """Return the distance (px) of points, shape (..., 2), from the clamp line; positive on the side of the beam."""
+        """Return the distance (px) of points from the clamp line; positive on the side of the beam."""
         return (points_px - self.point_px) @ self.ahead
 
 

@@ -80,9 +80,9 @@ class SmoothCurve:
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
 
     def curvature(self, distance: Array) -> Array:
-        """Return the curvature vectors of the curve, shape (n, 2), at n arc lengths, shape (n,).
+        """Return the curvature vectors of the curve at given arc lengths.
 
-        Each vector points to the centre of curvature, and has the inverse radius of curvature as its length.
+        Each vector points to the centre of curvature; its length is the inverse of the radius.
         """
         parameter = np.interp(distance, self._distance, self._parameter)
         slope, second = self._slope(parameter), self._slope.derivative()(parameter)
@@ -92,10 +92,7 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Return the knots of a spline without some inner knots, so that every interval contains at least three points.
-
-    `parameter` contains the parameter of the spline at each point, in increasing order.
-    """
+    """Return the knots of a spline without some inner knots, so that every interval contains at least three points."""
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

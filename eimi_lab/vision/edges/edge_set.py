@@ -35,20 +35,20 @@ class EdgePoints:
 
 @dataclass(frozen=True)
 class EdgeSet:
-    """Both edges of the beam in one state (load step), the flags and the corners.
+    """Both edges of the beam in one picture, with the corners and the failed quality checks.
 
     Attributes
     ----------
     left, right : EdgePoints
         The edges. Without coil field, the left edge has y < 0. Both edges are empty if no beam was detected.
     flags : tuple of Flag
-        The quality checks that the state did not pass.
+        The quality checks that the picture did not pass.
     corners_px : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not located.
     calibration_digest : str
-        `Calibration.digest` (a checksum) of the calibration that mapped pixels to millimetres.
+        Checksum of the calibration that mapped pixels to millimetres.
     calibration_age_days : float, optional
-        Age of the calibration when the frame was taken; None if the age is not known.
+        Age of the calibration when the picture was taken; None if the age is not known.
     """
 
     left: EdgePoints
@@ -60,10 +60,7 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """The middle line of the beam, mm, shape (n, 2); empty if an edge has no points.
-
-        Each point is midway between one of the n points of the left edge and the nearest point of the right edge.
-        """
+        """The middle line of the beam, mm, shape (n, 2); empty if an edge has no points."""
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):
             return np.zeros((0, 2))
@@ -78,12 +75,10 @@ END_SHARE = 0.1
 def tip_angle_deg(edges: EdgeSet) -> float:
     """Return the direction of the tip (degrees), from +x (along the undeformed beam) toward +y (across the beam).
 
-    The direction is the mean over the last tenth of both edges.
-
     Parameters
     ----------
     edges : EdgeSet
-        Both edges of a state (load step).
+        Both edges in one picture.
 
     Returns
     -------
@@ -96,15 +91,12 @@ def tip_angle_deg(edges: EdgeSet) -> float:
 
 
 def tip_angle_sigma_deg(edges: EdgeSet) -> float:
-    """Return the standard uncertainty of `tip_angle_deg` in degrees, due to the noise of the edge points.
-
-    The errors of the edge points are assumed to be independent. The uncertainty of the axis in the picture is not
-    included.
+    """Return the standard uncertainty of the direction of the tip in degrees, due to the noise of the edge points.
 
     Parameters
     ----------
     edges : EdgeSet
-        Both edges of a state (load step).
+        Both edges in one picture.
 
     Returns
     -------
@@ -123,10 +115,7 @@ def tip_angle_sigma_deg(edges: EdgeSet) -> float:
 
 
 def _end_direction(points_mm: Array) -> Array:
-    """Return the unit vector along the last tenth of an edge, away from the clamp, shape (2,).
-
-    points_mm: the n points of the edge, shape (n, 2). The result is NaN for fewer than three points.
-    """
+    """Return the unit vector along the last tenth of an edge, away from the clamp; NaN for fewer than three points."""
     if len(points_mm) < 3:
         return np.full(2, np.nan)
     end = points_mm[_end(points_mm)]
@@ -135,10 +124,7 @@ def _end_direction(points_mm: Array) -> Array:
 
 
 def _end(points_mm: Array) -> NDArray[np.bool_]:
-    """Return whether each of the n points of an edge lies in the last tenth of the edge, shape (n,).
-
-    The last three points always count as points of the last tenth.
-    """
+    """Return whether each point of an edge is one of the last three, or lies in the last tenth of the edge."""
     steps = np.hypot(*np.diff(points_mm, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

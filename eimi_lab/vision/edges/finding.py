@@ -47,45 +47,33 @@ def find_edges(
 ) -> EdgeSet:
     """Find both edges of the beam in one image.
 
-    The silhouette of the beam (its dark outline in front of a back-light) is tried first (`back_lit`). In front of a
-    back-light, only the noise of the image limits the accuracy of the edges. If the silhouette gives no edges, or
-    reaches the border of the picture, the beam is followed from its clamp (`eimi_lab.vision.following`). In a colour
-    picture, the beam is also followed if the silhouette raises one of several flags (failed quality checks), for
-    example HOLE_OR_REFLECTION.
-
-    A few pixels at the clamp and at the corners are left out, because the grey values across the edge are not a clean
-    step there. If the beam at its clamp is brighter than its surroundings, it is taken as a lit beam in front of a dark
-    background.
+    If the beam is brighter than its surroundings at the clamp, it is taken as a lit beam in front of a dark background.
 
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, 3)
-        The image, of any bit depth; H rows, W columns. Every image is accepted. Without a beam the edges are empty, and
-        flags give the reason.
+        The image, of any bit depth; H rows, W columns. Without a beam the edges are empty, and flags give the reason.
     calibration : Calibration
         Scale, clamp, axis and lens.
     specimen_file : SpecimenFile
         The specimen and its magnet.
     spacing_mm : float
-        Desired distance between the points along the edges. The distance is increased if an edge would have more than
-        `passes.MOST_POINTS` points, or if the profiles of neighbouring points would overlap. If the distance exceeds a
-        tenth of the beam's width, further points are located to estimate the scatter, but are not returned.
+        Desired distance between the points along the edges. It is increased if an edge would have too many points, or
+        if neighbouring points would be located from the same pixels.
     limits : mapping of str to float, optional
-        Limits that replace limits in the table of quality checks, with the keys of the table (`Check.finding`).
+        Limits that replace the usual limits of the quality checks, with the same keys.
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
         Weighted sum by which the image's colours become grey values.
     earlier : callable, optional
-        Function that returns the edges of an earlier state (load step) with the same calibration, or None. The function
-        is called only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is
-        then used, with the flag ROOT_AMBIGUOUS (several bodies may be the beam).
+        Function that returns the edges in an earlier picture with the same calibration, or None. The function is called
+        only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is then used.
     expected_mm : ndarray, shape (n, 2), optional
-        The n points of the centre line of the beam in an earlier picture, from the clamp outward. The search then
-        ignores the clicked points of the calibration.
+        Points of the centre line of the beam in an earlier picture, from the clamp outward. They replace the points of
+        the calibration that a person clicked.
     between_mm : ndarray, shape (m, 2), optional
-        The m points of the centre line in a later picture. The beam is then expected between the two lines. The search
-        gives the mean of the two lines the same weight as a line that a person clicked on the beam.
+        Points of the centre line in a later picture. The beam is then expected between the two lines.
 
     Returns
     -------
@@ -170,9 +158,6 @@ def follow_beam(
 ) -> FollowedBeam:
     """Follow the beam from its clamp in one image, and keep the intermediate results.
 
-    All colours are used, and each part of each edge has a colour projection (weighted sum of the colours) of its own.
-    If the calibration names a channel or the colour of the beam, `projection` is used for the whole picture.
-
     Parameters
     ----------
     image, calibration, specimen_file, spacing_mm, projection, earlier, expected_mm, between_mm
@@ -212,17 +197,13 @@ def follow_beam(
 
 
 def _clicks(calibration: Calibration) -> Array | None:
-    """Return the n points of a calibration that a person clicked, px, shape (n, 2); None without clicked points."""
+    """Return the points of the beam that a person clicked, px; None without clicked points."""
     clicks = calibration.picture.along_px if calibration.picture else None
     return None if clicks is None else np.array(clicks)
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether the located edges pass beside a point (px) that a person clicked on the beam.
-
-    The edges then belong to another body. They pass beside a point if it lies more than 10 px, the assumed error of a
-    click, outside the edges.
-    """
+    """Return whether a point that a person clicked on the beam lies clearly outside the edges."""
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -230,28 +211,20 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
-    """Return whether the edges from the silhouette are in doubt, so that the beam is followed from its clamp instead.
-
-    The edges are in doubt:
-
-    - in a colour picture, if the outline has any flag (failed quality check);
-    - in a grey picture of a bright beam (`lit_beam`), if a flag of the outline makes the edges unusable;
-    - in a grey picture of a dark beam, only if the outline reaches the border of the picture. A grey picture of a dark
-      beam was probably taken in front of a back-light, where the silhouette gives the best edges.
-    """
+    """Return whether the edges from the outline are in doubt, so that the beam is followed from its clamp instead."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:
         return leaves_out(judge(doubts, search.limits, search.words()))
     if np.ndim(image) == 2:
+        # probably in front of a back-light, where the outline gives the best edges
         doubts = {name: value for name, value in doubts.items() if name == "touches_frame"}
     return bool(judge(doubts, search.limits, search.words()))
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the left edge, the right edge and the four corners of a beam that was followed from its clamp.
+    """Return the edges of a beam that was followed from its clamp; None if there are none or if they are unusable.
 
-    The corners at the clamp and at the tip are not located by this method: their coordinates are NaN, shape (4, 2).
-    Return None if no edges were located, or if a flag (failed quality check) makes the edges unusable.
+    The four corners of the beam are NaN, because following does not locate them.
     """
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
@@ -262,7 +235,7 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
-    """Convert one edge of a beam, which was followed from its clamp, from pixels to millimetres."""
+    """Convert one edge of a beam from pixels to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 

@@ -41,31 +41,29 @@ def draw_overlay(
     specimen_file: SpecimenFile | None = None,
     followed: FollowedBeam | None = None,
 ) -> NDArray[np.uint8]:
-    """Draw the edges and the flags (failed quality checks) of one state (load step) on its frame.
+    """Draw the edges on the picture of the beam, and list the failed quality checks (flags) below it.
 
-    The left edge is blue, the right edge is orange, and the corners are green. At every tenth point of an edge, the
-    normal is drawn. Below the frame each flag is listed with its value, its limit and its remedy (advice). The frame
-    keeps its size and lies at the top left.
+    The left edge is blue, the right edge is orange, and the corners are green.
 
     Parameters
     ----------
     image : array_like, shape (H, W) or (H, W, 3)
-        The frame, as for `find_edges`; H rows, W columns.
+        The picture, of any bit depth; H rows, W columns.
     edges : EdgeSet
         The edges and flags.
     calibration : Calibration
         The map between millimetres and pixels.
     specimen_file : SpecimenFile, optional
-        If given and if there are no edges, the nominal beam is drawn in light blue: the clamp line and the axis of the
-        calibration, and the edges of a straight beam with the length and width of the specimen.
+        If given and if there are no edges, the expected beam is drawn in light blue: a straight beam with the length
+        and width of the specimen.
     followed : FollowedBeam, optional
         The result of following the beam from its clamp. If there are no edges and `specimen_file` is given, the
-        followed path is drawn in yellow, with a cross at the end of the path.
+        followed path is drawn in yellow, with a cross at its end.
 
     Returns
     -------
     ndarray of uint8, shape (h, w, 3)
-        The picture of h rows and w columns; blue, green, red.
+        The drawing of h rows and w columns; blue, green, red.
 
     Raises
     ------
@@ -90,7 +88,7 @@ def draw_overlay(
 
 
 def in_colour(image: ArrayLike) -> NDArray[np.uint8]:
-    """Convert an image of H by W pixels, grey or in colour, of any bit depth, to colours of 8 bits, shape (H, W, 3)."""
+    """Convert an image, grey or in colour, of any bit depth, to colours of 8 bits, shape (H, W, 3)."""
     pixels = np.asarray(image)
     if pixels.ndim != 3:
         return np.asarray(cv2.cvtColor(eight_bit(image), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
@@ -103,7 +101,7 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """Draw the nominal beam: the clamp line and the axis of the calibration, and both edges of a straight specimen."""
+    """Draw the beam that calibration and specimen file describe, as a straight beam."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],
@@ -127,11 +125,7 @@ def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
 
 
 def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDArray[np.uint8]:
-    """Add the name, value and limit of each flag below the picture, and its remedy in smaller letters.
-
-    A flag is a quality check that was not passed, and its remedy is advice. Flags of the severity NOTE, which need no
-    action, are grey.
-    """
+    """Add the name, value, limit and advice of each failed quality check below the picture."""
     if not flags:
         return picture
     wide = max(picture.shape[1], _LEAST_TEXT_PX)
@@ -186,10 +180,7 @@ def contact_sheet(
 
 
 def _normals(points: NDArray[Any]) -> NDArray[Any]:
-    """Return short lines across an edge at every tenth of its n points, shape (k, 2, 2): both end points of k lines.
-
-    points: the points of the edge, shape (n, 2).
-    """
+    """Return both end points of short lines across an edge, at every tenth of its points."""
     if len(points) < 3:
         return np.zeros((0, 2, 2))
     tangent = np.gradient(points, axis=0)

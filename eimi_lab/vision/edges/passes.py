@@ -47,7 +47,7 @@ class SiliconeMargin:
     width_px : float
         Width of the silicone on each side of the magnet.
     tolerance_px : float
-        Standard deviation of `width_px`. A magnet is seldom cast exactly in the middle of the beam.
+        Standard deviation of this width, because a magnet is seldom exactly in the middle of the beam.
     begins_px : float
         Distance from the tip to the end of the magnet that is nearer to the clamp.
     """
@@ -59,7 +59,7 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the outline (left edge, tip or right edge), and the n edge points that were located on this side.
+    """One side of the beam's outline (left edge, tip or right edge), with the n points that were located on it.
 
     The points of the left and the right edge are ordered from the clamp to the tip.
 
@@ -70,14 +70,13 @@ class Side:
     points_px : ndarray, shape (n, 2)
         The edge points.
     offset_px : ndarray, shape (n,)
-        Distance of each point from `curve` along the normal.
+        Distance of each point from the curve.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset, up to a factor that all points of the frame share (`scatter_scale`).
+        Standard deviation of the offset by the noise of the image, up to a factor that all points of the image share.
     common_px : ndarray, shape (n,)
-        Standard deviation of an error that neighbouring points share, up to the same factor as `sigma_px`. The
-        variance of an offset is sigma_px² + common_px².
+        Standard deviation of an error of the offset that neighbouring points share, up to the same factor.
     sound : ndarray of bool, shape (n,)
-        Whether a step was detected at each point.
+        Whether an edge was detected at each point.
     stride : int
         Every stride-th of the n points is stored as a point of the edge. The other points only serve to estimate the
         scatter.
@@ -94,9 +93,9 @@ class Side:
 
 @dataclass(frozen=True)
 class PassResult:
-    """The result of one pass, in which each edge of the beam is searched once on normals to a curve near the edge.
+    """The result of one search for the edges, on n normals to curves near the edges.
 
-    All sides of the outline together have n normals. On each normal, a profile of m grey values is read.
+    A profile contains the m grey values along one normal.
 
     Attributes
     ----------
@@ -107,7 +106,7 @@ class PassResult:
     stations_px : ndarray, shape (m,)
         Distances along a normal at which the grey values were read, positive outward.
     profiles : ndarray, shape (n, m)
-        Grey values of the profiles, divided by the relative change of the back-light along each profile.
+        The grey values, divided by the relative change of the back-light along each normal.
     residual : ndarray, shape (n,)
         RMS residual of each profile as a share of the height of its step; 1 if there is no step.
     """
@@ -120,22 +119,17 @@ class PassResult:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Whether each of the n profiles (grey values along lines across the edge) gave an edge point, shape (n,)."""
+        """Whether an edge point was located on each normal to the edge."""
         return np.concatenate([side.sound for side in self.sides])
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether each of the n profiles gave an edge point in the half of its edge near the clamp, shape (n,).
-
-        A profile contains the grey values along a line across the edge. The half near the clamp contains no magnet.
-        """
+        """Whether an edge point was located on each normal, in the half of its edge near the clamp."""
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
         """Return the grey values on one side of the edge, so far from the edge that its blur has no effect on them.
-
-        The grey values are taken from the profiles (lines across the edge) on which an edge point was located.
 
         Parameters
         ----------
@@ -145,7 +139,7 @@ class PassResult:
         Returns
         -------
         ndarray, shape (p, s)
-            Grey values of the p profiles that gave an edge point, at s distances from the edge.
+            Grey values on the p normals with an edge point, at s distances from the edge.
         """
         away = outward * self.stations_px
         return self.profiles[self.sound][:, away >= min(2.0 * self.steps.blur_px, float(away.max()))]
@@ -159,11 +153,9 @@ def first_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left edge, the tip and the right edge on normals to the outline of a silhouette.
+    """Locate the left edge, the tip and the right edge of the beam near its approximate outline.
 
-    Silicone beside the magnet causes a second, fainter step in the grey values. Where the silicone is wide, the
-    profiles end before the fainter step. Where the silicone is thin, the located edge lies some tenths of a pixel too
-    far inside, and `second_pass` corrects this error.
+    Where the silicone beside the magnet is thin, the located edge lies some tenths of a pixel too far inside.
 
     Parameters
     ----------
@@ -172,7 +164,7 @@ def first_pass(
     silhouette : Silhouette
         The outline of the beam and the corners of its tip, accurate to about a pixel.
     hand : float
-        `BeamFrame.hand`: +1 if the y axis is a quarter turn clockwise of the x axis in the image, else -1.
+        +1 if the y axis is a quarter turn clockwise of the x axis in the image, else -1.
     spacing_px : float
         Desired distance between the points along the long edges.
     width_px : float
@@ -215,19 +207,16 @@ def second_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left and right edges on normals to the curves through the edge points of the first pass.
+    """Locate the left and right edges of the beam again, near the edges from the first search.
 
-    Each edge is searched from its corner at the clamp to its corner at the tip. At both ends, the points that the blur
-    of the corner affects are left out. Where the silicone beside the magnet is thin, the steps at the outer and the
-    inner border of the silicone are fitted together. The width of the silicone on each side of the beam is then an
-    unknown of the fit.
+    Points near the corners are left out, and thin silicone beside the magnet does not bias the edges.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
         Grey values with a dark beam; H rows, W columns.
     first : PassResult
-        Result of `first_pass`.
+        Result of the first search.
     corners_px : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right.
     hand, spacing_px, width_px, margin
@@ -265,27 +254,15 @@ def second_pass(
 
 
 def _transmission(located: PassResult) -> float:
-    """Return the share of the light that passes through the silicone of the beam, measured near the clamp.
-
-    The result is 0 if no edge point was located near the clamp.
-    """
+    """Return the share of light that passes through the beam near the clamp; 0 if no edge point was located there."""
     near, steps = located.near_clamp, located.steps
     share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
     return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
 
 
 def scatter_scale(left: Side, right: Side) -> float:
-    """Return the factor by which `Side.sigma_px` must be multiplied to match the scatter of the edge points.
-
-    The scatter is measured by third differences D = o4 - 3 o3 + 3 o2 - o1, where o1 to o4 are the offsets (distances
-    from the curve) of four neighbouring points. A smooth shape of the edge hardly contributes to D. If the four offsets
-    are independent, with the standard deviations s1 to s4 (`Side.sigma_px`), D has the standard deviation
-    √(s1² + 9 s2² + 9 s3² + s4²).
-
-    The factor is the median of |D| / (standard deviation of D), divided by the value of this median for normally
-    distributed offsets. The median is not affected by the few large ratios at the magnet and at the ends of the curve,
-    where the curve differs in shape from the edge.
-    """
+    """Return the factor that makes the standard deviations of the edge points match their scatter."""
+    # A smooth edge hardly contributes to third differences, and the median ignores the magnet and the ends.
     ratios = []
     for side in (left, right):
         offset, variance = side.offset_px[side.sound], side.sigma_px[side.sound] ** 2
@@ -366,11 +343,9 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far (px) a line across the edge, along which grey values are read, may extend into the beam.
+    """Return how far (px) grey values may be read into the beam, so that the edge of the magnet is not reached.
 
-    The line should end before the edge of the magnet, which is blurred by `blur_px`. Between the edge of the beam and
-    the edge of the magnet is a layer of silicone of the width `cover_px`. If the layer is too thin to separate the two
-    edges, every line crosses both, and the result is `half_px`, the largest possible result.
+    If the silicone beside the magnet is too thin for this, the result is `half_px`, the largest value.
     """
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
@@ -382,22 +357,13 @@ def _smooth(points: Array, width_px: float) -> SmoothCurve:
 
 
 def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
-    """Return whether each of n ordered points is at least `margin` away from the first and from the last point.
-
-    points: shape (n, 2). The distances are measured along the points. The result has the shape (n,).
-    """
+    """Return whether each of the ordered points is at least `margin` away from the first and from the last point."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return (distance >= margin) & (distance <= distance[-1] - margin)
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return the arc lengths (px) at which an edge is searched, evenly spaced from `begin` to `end`, and a stride s.
-
-    An edge point is located at each of these arc lengths, but only every s-th point is stored; the others serve to
-    estimate the scatter of the points. At most `MOST_POINTS` points are stored, at least `spacing` apart. Neighbouring
-    arc lengths are at most `widest` apart, unless the pieces of the edge over which their grey values are averaged
-    would then overlap.
-    """
+    """Return evenly spaced arc lengths at which an edge is searched, and a number s: every s-th point is stored."""
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)
     gap = length / max(gaps, 1)

@@ -22,8 +22,7 @@ _BLUR_LIMITS_PX = (0.3, 8.0)
 def sample(image: NDArray[Any], points_px: Array) -> Array:
     """Return the values of an image at points between its pixels, by bilinear interpolation.
 
-    Beyond the border of the image, the value of the nearest border pixel is used. cv2.remap is not used, because before
-    OpenCV 5 this function rounds coordinates to 1/32 px.
+    Beyond the border of the image, the value of the nearest border pixel is used.
 
     Parameters
     ----------
@@ -42,6 +41,7 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
     >>> sample(np.array([[0.0, 10.0], [20.0, 30.0]]), np.array([[0.5, 0.5], [1.0, 0.25]])).tolist()
     [15.0, 15.0]
     """
+    # cv2.remap is not used, because before OpenCV 5 it rounds coordinates to 1/32 px.
     height, width = image.shape[:2]
     x = np.clip(points_px[..., 0], 0.0, width - 1.0)
     y = np.clip(points_px[..., 1], 0.0, height - 1.0)
@@ -60,15 +60,12 @@ def sample(image: NDArray[Any], points_px: Array) -> Array:
 
 
 def normals_of(tangents: Array) -> Array:
-    """Return unit normals, shape (..., 2): unit tangents of the same shape, turned by 90° clockwise in the image."""
+    """Return unit normals: the unit tangents, turned by 90° clockwise in the image."""
     return np.asarray(np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1), dtype=np.float64)
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return the distances along a normal of an edge at which grey values are read: from -inner_px to outer_px, px.
-
-    The distances are half a pixel apart, and 0 is one of them.
-    """
+    """Return distances from -inner_px to outer_px in steps of half a pixel; 0 is one of them."""
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
 
@@ -76,25 +73,23 @@ def stations(inner_px: float, outer_px: float) -> Array:
 def read_profiles(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Read n profiles of grey values across an edge. Each profile is the mean of k parallel lines side by side.
+    """Read the grey values along lines across an edge, as means over k parallel lines.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, channels)
         The image; H rows, W columns.
     points_px, normals : ndarray, shape (n, k, 2)
-        Origins and unit directions of the k lines of each of n profiles.
+        Origins and unit directions of k lines at each of n places.
     stations_px : ndarray, shape (m,)
         The m distances from the origin along the lines at which grey values are read.
 
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
-        Mean grey values of the k lines. On each line, the distances `stations_px` are shifted by another fraction of a
-        pixel; the mean of the shifts is zero. The interpolation between pixels then blurs edges in all directions
-        alike.
+        Mean grey values of the k lines.
     inside : ndarray of bool, shape (n,)
-        Whether a profile lies entirely in the image.
+        Whether the lines at each place lie entirely in the image.
     """
     # Interpolation blurs least at the centre of a pixel and most between two pixels. The lines are shifted against each
     # other by parts of a pixel, so that an edge along the rows of pixels is blurred like any other edge.
@@ -108,10 +103,9 @@ def read_profiles(
 
 @dataclass(frozen=True)
 class Cover:
-    """The silicone beside a magnet that is narrower than the beam: a strip between magnet and edge on each of k sides.
+    """The silicone between a magnet and the edge of the beam, on each of k sides.
 
-    A profile is a sequence of grey values along a line across an edge of the beam. The edge of the magnet causes a
-    second step of the grey value in each profile that crosses the magnet.
+    A profile contains the grey values along a line across an edge of the beam.
 
     Attributes
     ----------
@@ -134,25 +128,25 @@ class Cover:
 
 @dataclass(frozen=True)
 class Steps:
-    """Blurred steps, from a dark to a bright plateau, that were fitted to n profiles of grey values across an edge.
+    """Blurred steps from dark to bright that were fitted to the grey values along n lines across an edge.
 
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Distance from the origin of the profile to the edge, along the normal.
+        Distance from the origin of each line to the edge, along the line.
     dark, bright : ndarray, shape (n,)
-        Grey values of the dark and of the bright plateau (the constant values beside the step) of each profile.
+        Grey values on the dark and on the bright side of each step.
     blur_px : float
-        Standard deviation of the Gaussian blur, common to all profiles.
+        Standard deviation of the Gaussian blur, common to all lines.
     residual : ndarray, shape (n,)
-        RMS residual of each profile as a share of the height of its step.
+        RMS residual on each line as a share of the height of its step.
     sensitivity : ndarray, shape (n,)
         Standard deviation of the offset (px) for independent noise with a standard deviation of one grey level.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet. All profiles on
-        one side of the beam share this error.
+        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet. All lines on one
+        side of the beam share this error.
     sound : ndarray of bool, shape (n,)
-        Whether a step was detected in each profile.
+        Whether a step was detected on each line.
     """
 
     offset_px: Array
@@ -172,37 +166,32 @@ def fit_steps(
     usable: NDArray[np.bool_] | None = None,
     cover: Cover | None = None,
 ) -> Steps:
-    """Fit a blurred step to each of n profiles (grey values along lines across an edge), with one common blur.
+    """Fit a blurred step to the grey values along each of n lines across an edge, with one common blur.
 
-    The fitted function of the distance u along the normal is a step from the grey value `dark` to the grey value
-    `bright` at the offset o, blurred by a Gaussian of standard deviation s:
+    The fitted function of the distance u along a line is
 
-        g(u) = dark + (bright - dark) · Φ((u - o) / s),    Φ(z) = (1 + erf(z / √2)) / 2.
+        g(u) = dark + (bright - dark) · Φ((u - o) / s),    Φ(z) = (1 + erf(z / √2)) / 2,
 
-    A profile that crosses silicone of width c beside a magnet has two steps. With the transmission t of the silicone,
-    the grey value rises from dark to t · bright at u = o - c, and from t · bright to bright at u = o.
-
-    The unknowns are computed by Gauss-Newton iteration. The offset and the plateaus of each profile are eliminated from
-    the normal equations, so that only the shared unknowns remain: the blur and the widths of the silicone. Each width
-    has a Gaussian prior.
+    where dark and bright are the grey values beside the step, o is its offset, and s the standard deviation of the
+    blur.
 
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        The m distances along the normals at which the grey values were read.
+        The m distances along the lines at which the grey values were read.
     profiles : ndarray, shape (n, m)
-        Grey values of the n profiles, from the dark to the bright side of the edge.
+        Grey values along the n lines, from the dark to the bright side of the edge.
     blur_px : float
         Initial value of the standard deviation s of the blur.
     usable : ndarray of bool, shape (n,), optional
-        Whether a profile may contribute to the shared unknowns; by default all profiles do.
+        Whether a line may contribute to the common blur; by default all lines do.
     cover : Cover, optional
-        Silicone beside a magnet.
+        Silicone beside a magnet, which causes a second step.
 
     Returns
     -------
     Steps
-        The position, the plateaus (grey values beside the step) and the residual of each step, and the common blur.
+        The offset, the grey values beside the step and the residual on each line, and the common blur.
 
     Examples
     --------
@@ -254,13 +243,7 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values for the fits of steps to n profiles: the dark value, the bright value and the offset.
-
-    Each result has the shape (n,). The dark and the bright value are the mean grey values at the two ends of the
-    profile (the grey values along a line across the edge). The offset follows from the area under the profile. `u`
-    holds the distances along the profile. `covered` holds the indices of the profiles that cross silicone beside the
-    magnet.
-    """
+    """Return initial values for the fit of a step on each line: the dark value, the bright value and the offset."""
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
     height = np.where(bright - dark > 1e-9, bright - dark, 1.0)
@@ -273,11 +256,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns that all profiles share in a fit of blurred steps to profiles of grey values across an edge.
-
-    `values`, shape (1 + k,), contains the standard deviation of the blur, followed by k widths in px: those of the
-    silicone between magnet and beam edge on k sides of the magnet. Without a magnet, k is 0.
-    """
+    """The unknowns that all lines across an edge share: the blur and the widths of the silicone beside a magnet."""
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.
@@ -294,17 +273,15 @@ class _SharedUnknowns:
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Improve the unknowns `values` by one Gauss-Newton step; return their changes, px, shape (1 + k,).
-
-        The unknowns are the blur and k widths of the silicone beside the magnet.
+        """Improve the shared unknowns by one Gauss-Newton step, and return their changes, px.
 
         Parameters
         ----------
         reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives of the m grey values of n profiles with respect to the 1 + k unknowns, after the three unknowns
-            of each profile (dark value, bright value and offset of its step) were eliminated.
+            Derivatives of the m grey values on n lines with respect to the 1 + k shared unknowns, after the three
+            unknowns of each line (dark value, bright value and offset of its step) were eliminated.
         residuals : ndarray, shape (n, m)
-            Measured minus fitted grey values of the profiles.
+            Measured minus fitted grey values.
         """
         self._noise = float((residuals**2).mean()) if len(residuals) else 0.0
         jacobian = reduced.reshape(-1, len(self.values))
@@ -317,10 +294,9 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances of the fitted widths of the silicone beside the magnet, px², shape (k,).
+        """Return the variances of the fitted widths of the silicone beside the magnet, px².
 
-        The silicone between magnet and beam edge has one width on each of k sides of the magnet. `step` must have been
-        called before, because the variances follow from the equations of its last call.
+        `step` must have been called before.
         """
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
@@ -328,20 +304,14 @@ class _SharedUnknowns:
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the m grey values of n fitted profiles with respect to the unknowns of the fit.
-
-    A profile contains the grey values along a line across an edge of the beam. u: the distances along this line.
-    shared: the values of the unknowns that all profiles share, the blur and the widths of the silicone beside the
-    magnet. covered: indices of the profiles that cross this silicone.
+    """Return the derivatives of the fitted grey values with respect to the unknowns, for m places on each of n lines.
 
     Returns
     -------
     columns : ndarray, shape (n, m, 3)
-        Derivatives with respect to the three unknowns of each profile: the grey values on the dark and on the bright
-        side of the step, and the offset (the place of the step). A profile equals dark · (first column) + bright ·
-        (second column).
+        Derivatives by the three unknowns of each line: the dark value, the bright value and the offset of its step.
     shared_columns : ndarray, shape (n, m, 1 + k)
-        Derivatives with respect to the blur and to the widths of the silicone on k sides of the magnet.
+        Derivatives by the blur and by the widths of the silicone on k sides of the magnet.
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)
@@ -364,44 +334,24 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return the values of a blurred unit step, its slopes, and the distances divided by the blur.
-
-    distances: distances from the step. blur: standard deviation of the Gaussian blur in the same unit. The three
-    returned arrays have the shape of `distances`.
-    """
+    """Return the values of a blurred unit step, its slopes, and the distances divided by the blur."""
     z = distances / blur
     return 0.5 * (1.0 + scipy.special.erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 
 def _inverse(normal: Array) -> Array:
-    """Return the inverses of the normal matrices of n least-squares fits with three unknowns each, shape (n, 3, 3).
-
-    Each fit belongs to one profile (the grey values along a line across an edge). A small term on the diagonal keeps
-    the inverse finite if the grey values of a profile are all equal.
-    """
+    """Return the inverses of the normal matrices of n least-squares fits with three unknowns each."""
     size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
 
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
-    """Solve n linear least-squares problems with three unknowns each; return the solutions, shape (n, 3).
-
-    Each problem belongs to one profile (the grey values along a line across an edge). The unknowns are changes of the
-    dark value, of the bright value and of the offset of its step. columns: derivatives of the m grey values with
-    respect to the unknowns, shape (n, m, 3). inverse: inverses of the normal matrices, shape (n, 3, 3). target: the
-    grey values to be fitted, shape (n, m).
-    """
+    """Solve n linear least-squares problems with three unknowns each, and return the solutions."""
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which of n fitted profiles (grey values along lines across the edge) are not disturbed, shape (n,).
-
-    A profile counts as disturbed, for example by dirt on the edge, if its relative residual is more than three times
-    the median of its group. The relative residual is the RMS of the m `residuals` (n, m) of the profile, divided by the
-    height `step` (n,) of its step. `group` (n,) numbers the groups: one for each side of a magnet, and -1 for the
-    profiles that cross no magnet. Disturbed profiles must not determine the unknowns that all profiles share.
-    """
+    """Return on which lines across the edge the fit is not disturbed, for example by dirt on the edge."""
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)
     for number in np.unique(group):

@@ -23,20 +23,20 @@ def light_findings(
     Parameters
     ----------
     edge_pass : PassResult
-        Grey-value profiles across the edges, and fitted steps, of a picture with a dark beam, or of the negative of a
-        picture with a lit beam.
+        Grey values across the edges, and fitted steps, of a picture with a dark beam, or of the negative of a picture
+        with a lit beam.
     largest : float
         Full scale of the camera, grey levels.
     lit_beam : bool
         Whether the picture is a negative.
     limits : mapping of str to float, optional
-        Limits that replace limits in the table of flags. The limit of clipping decides whether gamma is measured: gamma
-        is not measured in a clipped picture.
+        Limits that replace the usual limits of the quality checks. Gamma is not measured if the share of clipped pixels
+        exceeds its limit.
 
     Returns
     -------
     dict of str to float
-        The measured values, with the keys of the table of flags (all quality checks; `Check.finding`).
+        The measured values, with the keys of the quality checks.
     """
     steps = edge_pass.steps
     if lit_beam:
@@ -58,12 +58,9 @@ def light_findings(
 
 
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
-    """Estimate the gamma of the camera from the profiles in the half of each edge near the clamp, away from the magnet.
+    """Estimate the gamma of the camera from the edges near the clamp; None if the picture does not determine it.
 
-    A profile contains the grey values along a line across the edge.
-
-    inverted_from: full scale of the camera if the profiles are from a negative, else None. Return None if the profiles
-    do not determine gamma.
+    `inverted_from` is the full scale of the camera for a negative, else None.
     """
     near, steps, stations = edge_pass.near_clamp, edge_pass.steps, edge_pass.stations_px
     profiles, offset, bright = edge_pass.profiles[near], steps.offset_px[near], steps.bright[near]
@@ -75,8 +72,6 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
     """Return in words how much a turn of the beam about its axis changes the fitted modulus.
-
-    The texts are used in the advice of flags (failed quality checks).
 
     Parameters
     ----------
@@ -90,7 +85,7 @@ def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, 
     Returns
     -------
     dict of str to str
-        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the remedies (the advice of the quality checks).
+        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the advice of the quality checks.
     """
     even_turn = ""
     if 0.0 < even_turn_deg < _MOST_TURN_DEG:

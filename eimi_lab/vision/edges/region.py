@@ -24,7 +24,7 @@ class Region:
     calibration : Calibration
         The calibration for pixels that are counted from the upper left corner of the rectangle.
     digest : str
-        Digest (a checksum) of the calibration of the whole picture.
+        Checksum of the calibration of the whole picture.
     """
 
     left: int
@@ -39,10 +39,7 @@ class Region:
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
-        """Convert edges that were found in the cut part of the picture (this region) to the whole picture.
-
-        The points of the edges are in mm and do not change; the corners of the beam are moved.
-        """
+        """Convert edges that were found in this region of the picture to the whole picture."""
         corners = edges.corners_px + np.array([self.left, self.top])
         return replace(edges, corners_px=corners, calibration_digest=self.digest)
 

@@ -27,29 +27,25 @@ _BOUNDS = ([0.5, 0.0, -3.0, 0.2, 0.3], [1.5, 0.95, 3.0, 10.0, 5.0])
 def estimate_gamma(
     stations_px: Array, profiles: Array, offset_px: Array, bright: Array, blur_px: float
 ) -> float | None:
-    """Estimate the gamma of the camera, where grey = light ** (1 / gamma).
-
-    The profiles (grey values along lines across an edge) are divided by the grey value of their bright end, shifted to
-    a common edge, and averaged in bins of a quarter pixel. A blurred step to the power 1/gamma is then fitted to the
-    mean profile.
+    """Estimate the gamma of the camera from blurred edges, where grey = light ** (1 / gamma).
 
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        The m distances along the normals at which the grey values were read.
+        The m distances along lines across the edges at which the grey values were read.
     profiles : ndarray, shape (n, m)
-        Grey values of n profiles across the edges; larger grey values mean more light.
+        Grey values on n lines; larger grey values mean more light.
     offset_px : ndarray, shape (n,)
-        Distance along the normal at which each profile crosses the edge.
+        Distance at which each line crosses the edge.
     bright : ndarray, shape (n,)
-        Grey value at the bright end of each profile.
+        Grey value at the bright end of each line.
     blur_px : float
         Standard deviation of the blur.
 
     Returns
     -------
     float or None
-        None if the profiles do not determine gamma.
+        None if the grey values do not determine gamma.
     """
     places = stations_px - offset_px[:, None]
     near_edge = np.abs(places) < _REACH_IN_BLURS * blur_px + 1.0
@@ -79,15 +75,7 @@ def estimate_gamma(
 
 
 def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Estimate gamma from a mean profile across the edge, by one linear least-squares step from gamma = 1.
-
-    The estimate is sufficient for most pictures, and takes a twentieth of the time of the nonlinear fit.
-
-    The mean profile contains the mean grey values in bins of the distance from the edge. `place` is the distance of
-    each bin in px, positive on the bright side. `mean` is the mean grey value in the bin, 1 at the bright end, and
-    `weight` is the square root of the number of grey values in the bin. Two approximate values are given: the light
-    `dark` at the dark end, divided by the light at the bright end, and the standard deviation `blur` of the blur in px.
-    """
+    """Estimate gamma from the mean grey values across an edge, by one linear least-squares step from gamma = 1."""
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)
     light = dark + (1.0 - dark) * rise
@@ -96,11 +84,6 @@ def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, bl
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
-    """Return the grey values that a camera with the given gamma stores at a blurred edge.
-
-    `place` is the distance of each value from the expected edge, and `offset` the distance of the true edge from the
-    expected edge. `scale` is the grey value on the bright side. `dark` is the light on the dark side, divided by the
-    light on the bright side. `blur` is the standard deviation of the blur. Distances are in px.
-    """
+    """Return the grey values that a camera with the given gamma stores at a blurred edge."""
     light = dark + (1.0 - dark) * scipy.special.ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))

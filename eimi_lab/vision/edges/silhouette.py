@@ -34,9 +34,9 @@ class BackLight:
     surface : ndarray
         The fitted back-light on a coarse grid over the image, grey levels.
     bright : float
-        Grey value of the fitted back-light at the beam's root (its part at the clamp).
+        Grey value of the fitted back-light at the beam's clamp.
     dark : float
-        Grey value of the beam's root; at most `bright`.
+        Grey value of the beam at its clamp; at most `bright`.
     """
 
     surface: NDArray[np.float32]
@@ -73,10 +73,7 @@ class Silhouette:
 
 
 def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> BackLight:
-    """Fit a quadratic surface to the back-light, and measure the grey value of the beam's root (at the clamp).
-
-    The surface is fitted three times. Each fit excludes the pixels that are clearly darker than the previous surface,
-    so that the beam and other dark bodies have no effect.
+    """Fit a quadratic surface to the back-light, and measure the grey value of the beam at its clamp.
 
     Parameters
     ----------
@@ -90,7 +87,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
     Returns
     -------
     BackLight
-        The fitted back-light, and the grey values of back-light and beam at the root.
+        The fitted back-light, and the grey values of back-light and beam at the clamp.
     """
     height, width = image.shape
     small_size = (max(1, width // _SHRINK), max(1, height // _SHRINK))
@@ -117,9 +114,7 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """Return n points that are spread over the beam near its clamp, px, shape (n, 2).
-
-    The points are at most a beam's width away from the clamp.
+    """Return points that are spread over the beam near its clamp, px, at most a beam's width away from it.
 
     Parameters
     ----------
@@ -143,9 +138,6 @@ def find_silhouette(
 ) -> Silhouette | None:
     """Find the outline of the dark body that leaves the clamp.
 
-    A pixel is dark if its grey value is below the mean of two grey values: the grey value of the root (the beam at its
-    clamp), and the grey value of the back-light at the pixel.
-
     Parameters
     ----------
     image : ndarray, shape (H, W)
@@ -155,7 +147,7 @@ def find_silhouette(
     clamp : ClampLine
         The line at which the beam leaves its clamp.
     light : BackLight
-        The back-light and the grey value of the root.
+        The back-light, and the grey value of the beam at its clamp.
     shape : StatedShape
         The length of the specimen, and its width at the clamp and at the tip.
 
@@ -205,11 +197,7 @@ def find_silhouette(
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """Return the part of a closed contour of the beam that lies outside the clamp, from the left to the right edge.
-
-    contour: the n points of the contour, px, shape (n, 2). The result has the shape (k, 2), with k = 0 if no point or
-    every point of the contour lies outside the clamp.
-    """
+    """Return the part of a closed contour of the beam that lies outside the clamp, from the left to the right edge."""
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():
         return contour[:0]
@@ -223,10 +211,9 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the corners of the beam's tip: two sharp turns of the outline about a width of the beam apart.
+    """Return the indices of the two corners of the tip in the outline, and the turn at the less sharp one in degrees.
 
-    The first result contains the indices of the left and of the right corner in `outline_mm`. The second result is the
-    angle (degrees) by which the outline turns at the less sharp corner. Without corners, the results are None and 0.
+    Without corners, the results are None and 0.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm

@@ -72,10 +72,7 @@ class StatedShape:
         return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
 
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
-        """Return the measured widths, scaled to a beam of constant width.
-
-        Each measured width is divided by the specimen's width at the same distance from the clamp, and multiplied by
-        `Specimen.width_mm`. Points of the edge near a step (abrupt change) of the width are left out.
+        """Return the measured widths, scaled to a beam of constant width, without places near a step of the width.
 
         Parameters
         ----------
@@ -89,7 +86,7 @@ class StatedShape:
         Returns
         -------
         ndarray, shape (k,)
-            Scaled widths of the k <= n points that are not near a step.
+            Scaled widths of the k <= n points that are not near a step (an abrupt change of the width).
         """
         if not self._varies:
             return widths
@@ -99,14 +96,9 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return which of the n points of an edge lie near a step (abrupt change) of the specimen's width, shape (n,).
+        """Return which points of an edge lie near a step (an abrupt change) of the specimen's width.
 
-        A point is near a step if its distance from the step, along the edge, is less than half of the specimen's
-        smallest width. Such points are not used: a smooth curve through the points of the edge cuts the corners of the
-        step.
-
-        edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp,
-        shape (2, 2). side: 0 for the left edge, 1 for the right edge.
+        `clamp` has the points at which the left and the right edge leave the clamp; `side` is 0 for the left edge.
         """
         near = np.zeros(len(edge), bool)
         if not self._varies:
@@ -124,19 +116,12 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """Distances from the clamp, measured along the edge of a specimen whose width varies, mm.
-
-        For each place of the specimen, `_along_mm` contains the distance along the straight axis instead.
-        """
+        """Distances from the clamp, measured along the edge of the specimen, mm."""
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
 
     def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
-        """Return the distance of each of the n points of an edge from the clamp, along the edge, mm, shape (n,).
-
-        edge: points of the edge, shape (n, 2). clamp: points at which the left and the right edge leave the clamp, in
-        the same unit, shape (2, 2). side: 0 for the left edge, 1 for the right edge.
-        """
+        """Return the distance of each point of an edge from the clamp, along the edge, mm."""
         path = np.vstack([clamp[side : side + 1], edge])
         scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm
         return np.asarray(np.cumsum(np.hypot(*np.diff(path, axis=0).T)) / scale)

@@ -52,16 +52,9 @@ class SuggestedCorrection:
 def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> SuggestedCorrection:
-    """Suggest which value is probably wrong for an image in which no beam was found.
+    """Suggest which value of the calibration or of the specimen is probably wrong if no beam was found in an image.
 
-    The search for the beam is repeated several times, each time with one changed value: without the points that a
-    person clicked on the beam, or with another width, scale, axis or clamp. A change succeeds if a beam of nearly the
-    full length is located, and no flag (failed quality check) is more severe than a note. The first change that
-    succeeds is suggested. The suggestion may be wrong, and no file is changed.
-
-    No value is suggested if the search with the given values already follows a body of nearly the full length and of
-    the given width, whose edges stand out from the surroundings. Another clamp or axis would then lead to the same
-    body, or to a wrong body.
+    The suggestion may be wrong, and no file is changed.
 
     Parameters
     ----------
@@ -77,8 +70,7 @@ def suggest_correction(
     Returns
     -------
     SuggestedCorrection
-        If no change succeeds, `words` gives another probable reason. If a body was followed, the reason is the first
-        check that its edges did not pass.
+        The suggestion. If no changed value leads to a beam, its words give another probable reason.
     """
     followed = follow_beam(image, calibration, specimen, projection=projection)
     if _is_probably_the_beam(followed):
@@ -114,11 +106,7 @@ def suggest_correction(
 
 
 def _is_probably_the_beam(followed: FollowedBeam) -> bool:
-    """Return whether the body that the search followed is probably the beam, although its edges are unusable.
-
-    Its edges must stand out from the surroundings, its length and width must be about those in the specimen file, and
-    it must pass the clicked points. The values of the calibration are then right, and no other value is suggested.
-    """
+    """Return whether a body that was followed from the clamp is probably the beam, despite unusable edges."""
     findings = followed.findings
     return (
         findings.get("followed_beyond", 0.0) >= _FULL_LENGTH
@@ -130,9 +118,9 @@ def _is_probably_the_beam(followed: FollowedBeam) -> bool:
 
 
 def _reason_of(followed: FollowedBeam) -> str:
-    """Return why the edges of a body that was followed from the clamp are unusable: the first failed check, in words.
+    """Return in words the first quality check that makes the edges of a followed body unusable.
 
-    The result is empty if the edges are usable, or if the followed body is shorter than a tenth of the beam.
+    The text is empty if there is no such check, or if the body is short.
     """
     share = followed.findings.get("followed_beyond", 0.0)
     grave = (flag for flag in judge(followed.findings, None, followed.words) if leaves_out([flag]))
@@ -147,10 +135,7 @@ def _reason_of(followed: FollowedBeam) -> str:
 
 
 def _is_convincing(edges: EdgeSet, specimen: SpecimenFile) -> bool:
-    """Return whether located edges are probably those of the beam, so that the changed value may be suggested.
-
-    Both edges must have nearly the specimen's length, and no failed quality check may be more severe than a note.
-    """
+    """Return whether the edges have nearly the specimen's length and no serious failed quality check."""
     if any(flag.severity is not Severity.NOTE for flag in edges.flags):
         return False
     for edge in (edges.left, edges.right):
@@ -187,10 +172,7 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changes that may let the search find the beam, each with the text that suggests this change to a person.
-
-    A change is a dictionary from a key of the calibration, or ``"width_mm"`` of the specimen, to another value.
-    """
+    """Yield changed values of calibration or width that may let the search find the beam, each with its advice."""
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (

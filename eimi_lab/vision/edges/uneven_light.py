@@ -20,27 +20,23 @@ _STEEPEST_PER_PX = 0.01  # of the light; a larger slope is another body
 def light_along(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array, counts: Sequence[int]
 ) -> Array:
-    """Return the back-light along each of n profiles, divided by the back-light at the edge.
-
-    A profile contains the grey values along a line across the edge. An uneven back-light changes along this line. Its
-    slope is measured on the 16 px beyond the outer end of each profile, and the median over 21 neighbouring profiles is
-    used, so that dirt has no influence. The light behind the beam is assumed to have the same slope.
+    """Return the back-light along lines across the edges, divided by the back-light at the edge.
 
     Parameters
     ----------
     image : ndarray, shape (H, W)
         Grey values with a dark beam; H rows, W columns.
     points_px, normals : ndarray, shape (n, k, 2)
-        Origins and unit directions of the k lines of each profile, as in `read_profiles`.
+        Origins and unit directions of k parallel lines at each of n places.
     stations_px : ndarray, shape (m,)
-        Distances along the normals.
+        Distances along the lines.
     counts : sequence of int
-        Number of profiles of each edge. The profiles of one edge follow one another.
+        Number of places on each edge. The places of one edge follow one another.
 
     Returns
     -------
     ndarray, shape (n, m)
-        The relative back-light at the m distances along each profile.
+        The relative back-light at the m distances, for each place.
     """
     stations_beyond = stations_px[-1] + np.arange(_REACH_PX + 1.0)
     beyond, inside = read_profiles(image, points_px, normals, stations_beyond)
