@@ -17,7 +17,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment of K states with K states drawn at random from it, with replacement, in ascending order.
+    """Return each experiment with its load states drawn at random with replacement (a bootstrap sample).
 
     Parameters
     ----------

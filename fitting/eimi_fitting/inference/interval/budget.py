@@ -27,22 +27,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """The effect of one source of uncertainty (an uncertain input, such as a width) on the initial shear modulus.
+    """The effect of one uncertain input, such as the width of the beam, on the initial shear modulus.
 
     Parameters
     ----------
     source : str
-        Name of the uncertain input, such as "width" (a key of `SOURCES`).
+        Short name of the input, such as "width".
     words : str
-        Name of the source of uncertainty for people.
+        Name of the input for people.
     standard_uncertainty : float
         The stated standard uncertainty, in ``unit``.
     unit : str
-        Unit of the source.
+        Unit of the input.
     datasets : tuple of int
-        Indices of the datasets that share the error of this source, counted from 0.
+        Indices of the datasets that share the error of this input, counted from 0.
     effect_percent : float
-        Standard deviation of the initial shear modulus due to this source alone, in per cent of the modulus.
+        Standard deviation of the initial shear modulus due to this input alone, in per cent of the modulus.
     """
 
     source: str
@@ -60,7 +60,7 @@ class MeasureNext:
     Parameters
     ----------
     source : str or None
-        The name of the uncertain input, such as "width"; None if the edges of the beam are to be measured better.
+        Short name of the uncertain input, such as "width"; None for the edges of the beam.
     words : str
         Name of the quantity for people, such as "magnetic moment".
     initial_shear_modulus_interval_95_Pa : tuple of float
@@ -75,23 +75,20 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """D random errors of an optimum with n unknowns, caused by noise and by errors of S uncertain inputs.
-
-    The 95 % intervals are quantiles of the optimum plus these errors.
+    """Random errors of the n unknowns of a fit in D draws, for the 95 % intervals.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     noise : ndarray, shape (D, n)
-        Changes of the optimum by noise, priors and errors of the beam models, in unit coordinates.
+        Errors due to noise, priors and the beam models, scaled as ``unit``.
     deviations : ndarray, shape (D, S)
-        Errors of the S uncertain inputs, in standard uncertainties.
+        Random errors of the S uncertain inputs, in standard uncertainties.
     steps : Steps
-        The change of the optimum for one standard uncertainty of each uncertain input.
+        The effect of each uncertain input on the best values.
     further : ndarray, shape (D, n), or float
-        Changes by a further error that is neither noise nor the error of an uncertain input, in unit coordinates. The
-        interval due to noise alone does not contain these changes.
+        Errors for any other reason, scaled as ``unit``; 0 by default.
     """
 
     unit: Array
@@ -101,48 +98,47 @@ class Moves:
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return the n unknowns in D draws: the optimum plus its random errors, each kind multiplied by a given factor.
+        """Return D random draws of the n unknowns: the best values plus random errors.
 
-        The intervals come from these draws. A factor of 0.5 shows the interval after a better measurement of an input,
-        and a factor of 0 leaves a kind of error out.
+        A factor of 0 omits a kind of error, and 0.5 halves it, as a better measurement would.
 
         Parameters
         ----------
         of_noise : float
-            Factor on the changes of the optimum by noise, priors and errors of the beam models.
+            Factor on the errors due to noise, priors and the beam models.
         of_sources : float or ndarray, shape (S,)
-            One factor on the errors of all S uncertain inputs, or one factor for each input. If all are 0, the
-            further error (``Moves.further``) is left out, too.
+            Factor on the errors of the S uncertain inputs: one for all, or one for each.
 
         Returns
         -------
         ndarray, shape (D, n)
-            Unit coordinates, clipped to 0..1.
+            The unknowns, scaled so that the bounds of the search are 0 and 1.
         """
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
+        # Factors of 0 also omit the further errors, so that noise, priors and beam models remain.
         return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.held + self.further), 0.0, 1.0)
 
 
 def budget(
     sources: Sequence[ConsideredSources], moves: Moves, modulus: Callable[[Array], Array]
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
-    """Return the effect of each uncertain input (source) on the modulus, and the quantity to measure next.
+    """Return the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
     Parameters
     ----------
     sources : sequence of ConsideredSources
-        The S uncertain numbers, in the order of ``moves``.
+        The S uncertain inputs, or their parts, in the order of ``moves``.
     moves : Moves
-        The random changes of the optimum.
+        Random errors of the unknowns.
     modulus : callable
-        Takes P candidates in unit coordinates (0 to 1), (P, n), and returns their initial shear moduli (P,) in Pa.
+        Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
 
     Returns
     -------
     entries : tuple of BudgetEntry
-        One for each source, the largest effect first.
+        One for each input, the largest effect first.
     measure_next : MeasureNext
-        The source with the largest effect, or the edges if their noise has a larger effect.
+        The input with the largest effect, or the edges if their noise has a larger effect.
     """
     entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
     noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
@@ -157,23 +153,23 @@ def budget(
 def budget_entries(
     sources: Sequence[ConsideredSources], unit: Array, sizes: Array, modulus: Callable[[Array], Array]
 ) -> tuple[BudgetEntry, ...]:
-    """Return the effect of each uncertain input (source) on the initial shear modulus, the largest effect first.
+    """Return the effect of each uncertain input on the initial shear modulus, the largest effect first.
 
     Parameters
     ----------
     sources : sequence of ConsideredSources
-        The S uncertain numbers.
+        The S uncertain inputs, or their parts.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates (0 to 1).
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     sizes : ndarray, shape (S, n)
-        Change of the optimum for one standard uncertainty of each number, in unit coordinates.
+        Change of the best values for one standard uncertainty, scaled as ``unit``.
     modulus : callable
-        Takes P candidates in unit coordinates (P, n) and returns their initial shear moduli (P,) in Pa.
+        Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
 
     Returns
     -------
     tuple of BudgetEntry
-        One for each source.
+        One for each input.
     """
     ends = modulus(np.clip(unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
     effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / float(modulus(unit[None])[0])

@@ -44,20 +44,19 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """An uncertain number, and the change of the residuals for one standard uncertainty of this number.
+    """An uncertain input, such as a width, and the change of the residuals for one standard uncertainty.
 
     Parameters
     ----------
     name : str
-        Name of the number in a result.
+        Name of the input in a result.
     shared : SharedUnknowns
-        The source of the number, and the datasets that share its error.
+        The input, and the datasets that share its error.
     part : int
-        Index of the number among the parts of its source.
+        Index of the number if the input has several numbers, such as x and y.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm, with the shape (K, G, m) for G groups (edges, or x and
-        y) of m points in K states. None if the number does not belong to the experiment or the model finds no
-        equilibrium.
+        For each experiment, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in
+        x and y) in K states. None if the input does not belong to the experiment or the beam has no equilibrium.
     """
 
     name: str
@@ -67,25 +66,22 @@ class ConsideredSources:
 
     @property
     def standard_uncertainty(self) -> float:
-        """The standard uncertainty of the uncertain number, such as a width, in the unit of the number; above zero."""
+        """The standard uncertainty of the input, in the unit of the input."""
         return self.shared.standard_uncertainty or 0.0
 
     @property
     def freed(self) -> Nuisance:
-        """The uncertain number, such as a width, as an unknown that a fit could determine.
-
-        Its standard uncertainty is the standard deviation of its prior.
-        """
+        """The input as an unknown of a fit, with its standard uncertainty as standard deviation of the prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the uncertain inputs that keep their stated values in a fit, although files state an uncertainty.
+    """Return the inputs with a stated uncertainty that the fit does not determine.
 
-    Such inputs widen the intervals. An input that the fit determines together with the law (a freed input) is left out,
-    and so is an input with the same effect as a freed input.
+    Their uncertainties widen the intervals of the result.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
+    # A fitted input also accounts for inputs with the same effect.
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
     stated = [experiment.stated for experiment in problem.experiments]
     return tuple(
@@ -98,11 +94,9 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return important sources of uncertainty that no file specifies, with their usual uncertainty.
+    """Return important inputs without a stated uncertainty, each with its usual uncertainty.
 
-    An important source (``Source.is_decisive``) is an input whose usual error changes the modulus much, such as the
-    direction of magnetisation. A source is returned if the fit does not determine it, if a deviation of it changes the
-    model of the specimen, and if a magnetic field acts in at least one state.
+    The intervals of the result do not contain the effect of these inputs.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -116,11 +110,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an error of the uncertain input ``source`` can matter in an experiment with a magnetic field.
-
-    It can matter if it changes the model of the specimen. For example, the direction of magnetisation is not in the
-    model of a specimen without a magnet. The result is False if no field acts in any state.
-    """
+    """Return whether an input belongs to the model of the specimen, in an experiment with a magnetic field."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -129,21 +119,21 @@ def _concerns(source: str, experiment: Experiment) -> bool:
 def considered(
     problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
 ) -> tuple[ConsideredSources, ...]:
-    """Return the effect of each source of uncertainty on the residuals at an optimum.
+    """Return the effect of each uncertain input on the residuals of a fit.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates (0 to 1).
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     groups : sequence of SharedUnknowns, optional
-        The sources of uncertainty (uncertain inputs) whose effect is computed; by default the result of `sources_of`.
+        The uncertain inputs; by default all with a stated uncertainty that the fit does not determine.
 
     Returns
     -------
     tuple of ConsideredSources
-        One for each uncertain number for which the model finds an equilibrium in at least one experiment.
+        One for each input, or part of an input, whose effect could be computed in at least one experiment.
     """
     chosen = sources_of(problem) if groups is None else groups
     numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
@@ -162,28 +152,23 @@ def considered(
 def changes_of(
     problem: Problem, unit: Array, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[list[Array | None]]:
-    """Return the changes of the residuals when one uncertain number at a time deviates by its standard uncertainty.
-
-    A source is an uncertain input, such as the position of the clamp. Its uncertain numbers are its parts, such as x
-    and y.
+    """Return the changes of the residuals if one input at a time deviates by its standard uncertainty.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        The values of the n unknowns at which the residuals are computed, in unit coordinates (0 to 1). If the fit
-        determines a number, its deviation is added to its value in ``unit``; otherwise it is added to the stated
-        value.
+        Values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     numbers : sequence of (SharedUnknowns, int)
-        Each uncertain number, as a source and the index of a part of this source.
+        For each deviation, an uncertain input and the index of one of its numbers, such as x and y.
 
     Returns
     -------
     list of list
-        One list for each experiment, with one entry for each number: the change of the residuals in mm, with the shape
-        (K, G, m) for G groups (edges, or x and y) of m points in K states. None if the number does not belong to the
-        experiment or the model finds no equilibrium.
+        For each experiment and each deviation, the change of the residuals in mm, shape (K, G, m), for m points on each
+        of G edges (or in x and y) in K states. None if the input does not belong to the experiment or the beam has no
+        equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -191,13 +176,8 @@ def changes_of(
 def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
-    """Return the changes of the residuals of one experiment in mm if one uncertain number deviates by its uncertainty.
-
-    ``index`` is the index of the experiment. ``numbers`` has the uncertain numbers: each belongs to an uncertain input,
-    such as the position of the clamp, and has an index among the parts of this input, such as x and y. The result has
-    one change for each number. It is None if the number does not belong to the experiment or the model finds no
-    equilibrium.
-    """
+    """Return the changes of the residuals of one experiment if one input at a time deviates by its uncertainty."""
+    # The deviation of a fitted input is added to its fitted value, and of any other input to its stated value.
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
@@ -219,9 +199,7 @@ def _changes(
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate of a fit: a hyperelastic law with n parameters, and the deviations of the freed nuisances.
-
-    A freed nuisance is an uncertain input that the fit determines together with the law.
+    """A hyperelastic law with values of its n parameters, and deviations of the inputs fitted with the law.
 
     Parameters
     ----------
@@ -232,8 +210,8 @@ class Candidate:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        For each freed number: the name of its input (a key of `SOURCES`), its index among the parts of the input, such
-        as x and y, and its deviation in the unit of the input.
+        For each fitted input: its name, the index of one of its numbers (such as x and y), and the deviation in the
+        unit of the input.
     """
 
     law: Law
@@ -244,7 +222,7 @@ class Candidate:
 
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model of a specimen on the coarse mesh (few elements), for fast finite differences."""
+    """Return a planar beam model of a specimen with few elements, for fast simulation."""
     return BeamModel(specimen, plane=specimen.planar_section)
 
 
@@ -254,24 +232,25 @@ def changes_by(
     numbers: Sequence[tuple[str, int, float]],
     near: Configuration | None = None,
 ) -> list[Array | None]:
-    """Return the change of the residuals of a candidate for each deviation of an input, by finite differences.
+    """Return the change of the residuals for each of several deviations of inputs.
 
     Parameters
     ----------
     candidate : Candidate
-        The law and the inputs for which the beam is simulated.
+        The law and the inputs fitted with it.
     experiment : Experiment
-        The experiment. Its model is replaced by the planar model on the coarse mesh of the search.
+        The experiment. Its beam is simulated with a planar model of few elements.
     numbers : sequence of (str, int, float)
-        For each deviation, its source, its index among the parts of the source, and its size in the unit of the source.
+        For each deviation: the name of the input, the index of one of its numbers, and the size in the unit of the
+        input.
     near : Configuration, optional
-        Shapes of the beam near the solution, one for each state, from which the solver starts.
+        Shapes of the beam from which the solver starts, one for each state.
 
     Returns
     -------
     list of ndarray or None
-        For each deviation, the change of the residuals in mm, with the shape (K, G, m) for G groups (edges, or x and y)
-        of m points in K states. None if the model finds no equilibrium.
+        For each deviation, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in x
+        and y) in K states. None if the beam has no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
@@ -314,15 +293,15 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The changes of an optimum of n unknowns by S sources of uncertainty (uncertain inputs).
+    """The change of the best values of n unknowns for one standard uncertainty of each of S inputs.
 
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Change for one standard uncertainty of each source, in unit coordinates (the bounds of the search are 0 and 1).
+        The changes, scaled so that the bounds of the search are 0 and 1.
     held : ndarray, shape (n,)
-        The change of the optimum if the search had no bounds, in unit coordinates, but at most two standard deviations
-        of an unknown that lies on a bound. Zero if no unknown lies on a bound, or if there is no source.
+        Change of the best values if the search had no bounds, scaled in the same way, but at most two standard
+        deviations. Zero if no unknown lies on a bound.
     """
 
     sizes: Array
@@ -335,33 +314,21 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the change of the optimum for one standard uncertainty of each uncertain input (source).
-
-    Let c_s be the change of the residuals for one standard uncertainty of source s, J the derivatives of the residuals
-    in the unknowns, W the weights of the residuals, and H the Hessian (``Linearisation.hessian``). Without bounds on
-    the unknowns, the optimum changes by
-
-        d_s = -inv(H) J' W c_s.
+    """Return the change of the best values of the unknowns for one standard uncertainty of each input.
 
     Parameters
     ----------
     about : Linearisation
-        The evidence (edges, tensile curves, priors) linearised about the optimum.
+        The residuals as linear functions of the n unknowns.
     sources : sequence of ConsideredSources
-        The S uncertain numbers.
+        The S uncertain inputs, or their parts.
     covariance : ndarray, shape (n, n)
-        Covariance of the optimum due to noise and priors.
+        Covariance of the unknowns due to noise and priors.
 
     Returns
     -------
     Steps
-        The changes d_s, and the distance to the optimum without bounds.
-
-    Notes
-    -----
-    An error of an input may move an unknown to a bound of the search. The optimum without bounds is then the better
-    centre of the intervals, because its distribution is normal about the true value. ``Steps.held`` leads to this
-    centre, but at most two standard deviations beyond the bound.
+        The changes.
     """
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):
@@ -371,6 +338,8 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
                 score += states.score(change)
         sizes[i] = -np.linalg.solve(about.hessian, score)
     outward = ((about.unit <= 0.0) & (about.score > 0)) | ((about.unit >= 1.0) & (about.score < 0))
+    # The optimum without bounds is the better centre of the intervals, because its distribution is normal about the
+    # true value.
     held = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
     spread = np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0))
     farthest = (np.abs(held) / spread)[outward].max(initial=_FARTHEST)

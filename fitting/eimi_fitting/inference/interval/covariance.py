@@ -38,22 +38,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearStates:
-    """The K states of one experiment, linearised in n unknowns about an optimum.
+    """The residuals of one experiment with K load states, as linear functions of n unknowns.
 
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals in mm, in G groups (edges, or x and y) of m neighbouring points.
+        Residuals in mm at m neighbouring points on each of G edges (or in x and y).
     slopes : ndarray, shape (n, K, G, m)
-        Derivatives of the residuals in the unit coordinates (0 to 1) of the unknowns, in mm.
+        Derivatives of the residuals in mm, in the unknowns scaled to 0..1 between their bounds.
     used : ndarray, shape (K, G, m)
-        Above zero for points that are used, else zero (``Misfit.weights``).
+        Above zero for points that are used, else zero.
     weights : ndarray, shape (K,)
-        Weight w_k in 1/mm^2 of the squared residuals of each state in the likelihood.
+        Weight of the squared residuals of each state in the likelihood, in 1/mm^2.
     counts : ndarray, shape (K,)
-        Number of points N_k of each state.
+        Number of points of each state.
     error_mm : ndarray, shape (K,)
-        Error e_k of each state in mm, the root mean square of its residuals.
+        Root mean square residual of each state in mm.
     """
 
     residuals: Array
@@ -65,42 +65,24 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The contribution of this experiment to the information A of the data, shape (n, n).
-
-        It is the sum over the states k of w_k J_k' J_k, with the weights w_k and the derivatives J_k of the residuals
-        in n unknowns.
-        """
+        """The contribution of this experiment to the Hessian of minus the log-likelihood, shape (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the contribution of residuals to the gradient of minus the log-likelihood in n unknowns, shape (n,).
-
-        It is the sum over the states k of w_k J_k' r_k, with the weights w_k, the derivatives J_k and the residuals
-        r_k. ``residuals`` has the shape (K, G, m), in mm, for G groups (edges, or x and y) of m points in K states.
-        """
+        """Return the contribution of residuals (K, G, m) to the gradient of minus the log-likelihood, shape (n,)."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the contribution of this experiment to the variance B of the score, shape (n, n).
+        """Return the contribution of this experiment to the variance of the gradient of the log-likelihood, (n, n).
 
-        The score is the gradient of minus the log-likelihood in n unknowns. In the likelihood, the squared residuals of
-        state k have the weight w_k. e_k is the root mean square of these residuals, J_k are their derivatives in the
-        unknowns, and tau neighbouring points count as one independent point. For edges,
-
-            B = sum_k tau w_k^2 e_k^2 J_k' J_k.
-
-        For tracked points, all points of a state are assumed to have the same error: one in x and one in y. Such an
-        error shifts all points together, and the residuals change by S_k, the sum of the slopes over the points.
-        Therefore
-
-            B = sum_k w_k^2 v_k S_k' S_k.
-
-        The variance v_k of the common error is the mean square of the stated uncertainties, or e_k^2 / 2 if this is
-        larger.
+        Neighbouring residuals are correlated, which increases the variance.
         """
         if isinstance(observed, EdgeObservation):
+            # sum over the states of tau w^2 e^2 J'J: weight w, error e, slopes J, and tau points as one independent
+            # point
             tau = point_correlation(self.residuals, self.used, observed)
             return np.asarray(np.einsum("k,kij->ij", tau * (self.weights * self.error_mm) ** 2, self._by_state()))
+        # All points of a state are assumed to have one common error in x and one in y.
         # Half of a point's squared error belongs to each of its two components. The residuals count if they are larger
         # than the stated uncertainty.
         is_used = self.used > 0
@@ -116,28 +98,28 @@ class LinearStates:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The evidence of a fit (edges, tensile curves, priors), linearised about an optimum of n unknowns.
+    """The residuals of a fit (edges, tensile curves, priors) as linear functions of n unknowns near the optimum.
 
-    Noise is the part of the residuals that no error of an uncertain input explains (`inference.interval.noise`).
+    Noise is the part of the residuals that no error of an uncertain input explains.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     objective_mm : float
-        The objective at the optimum in mm, without the priors on the law's parameters.
+        The minimised objective in mm, without the priors on the law's parameters.
     states : tuple of LinearStates
-        The linearised states of each experiment.
+        The linear residuals of each experiment.
     points : int
         Number of measured points of all experiments.
     independent_points : float
-        Number of independent points, estimated from all residuals.
+        Number of independent points, estimated from all residuals; neighbouring points are correlated.
     likelihood_points : float
-        Number N of independent points from which the weights of the states in the likelihood are computed.
+        Number of independent points for the weights of the likelihood.
     noise_points : float
         Number of independent points, estimated from the noise alone.
     noise_mm : float
-        Root mean square of the noise in a state in mm, as the mean over the states.
+        Mean over the states of the root mean square noise, in mm.
     residual_mm : float
         Root mean square of all residuals, in mm.
     curves : ndarray, shape (m,)
@@ -145,16 +127,14 @@ class Linearisation:
     curve_slopes : ndarray, shape (n, m)
         Derivatives of ``curves`` in the n unknowns.
     priors : ndarray, shape (f,)
-        Deviations of the f freed nuisances (inputs that the fit determines), divided by their prior standard
-        deviations.
+        Deviations of the f fitted inputs from their stated values, in standard deviations of their priors.
     law_priors : ndarray, shape (q,)
         Standardised residuals of the q priors on the law's parameters.
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        The information A of the data (second derivatives of minus the log-likelihood), the variance B of the score
-        (gradient of minus the log-likelihood), and the inverse variance P of the priors. ``prior`` does not contain the
-        priors on the law's parameters.
+        Hessian of minus the log-likelihood (``information``), variance of its gradient (``score_variance``), and
+        inverse variance of all priors but those on the law's parameters (``prior``).
     """
 
     unit: Array
@@ -177,17 +157,17 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The information of the priors on the law's parameters: the Hessian of minus their logarithm, shape (n, n)."""
+        """The Hessian of minus the logarithm of the priors on the law's parameters, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the sum of log-likelihood and all log-priors in n unknowns, shape (n, n)."""
+        """The Hessian of minus the logarithm of the likelihood times all priors, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the sum of log-likelihood and all log-priors in n unknowns, shape (n,).
+        """The gradient of minus the logarithm of the likelihood times all priors, shape (n,).
 
         It is zero at an optimum inside the bounds.
         """
@@ -197,17 +177,15 @@ class Linearisation:
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the gradient of minus the log-likelihood (the score) at each of P candidates near the optimum, (P, n).
+        """Return the gradient of minus the log-likelihood at P sets of values of the n unknowns, shape (P, n).
 
-        A candidate is one set of values of the n unknowns. The gradient is a sum of residuals times their derivatives
-        (slopes) times the weights of the states. The residuals are those of the candidate, and the slopes those of the
-        optimum, so that no further simulation is needed. The weight of a state is proportional to 1 / e, with its root
-        mean square residual e for the candidate. The priors of freed inputs (inputs that the fit determines) are
-        included, the priors on the law's parameters are not.
+        It contains the priors on fitted inputs, but not the priors on the law's parameters.
         """
+        # The slopes are those of the optimum, so that no further simulation is needed.
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
             optimum_error = np.sqrt((states.residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
+            # The weight of a state is proportional to 1 / error.
             weight = states.weights * optimum_error / np.maximum(misfit.error_mm, 1e-12)
             total = total + np.einsum("pk,ikgn,pkgn->pi", weight, states.slopes, misfit.residuals)
         return self._with_priors(total, candidates.priors)
@@ -218,31 +196,23 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return how far each prior on a parameter of the law is from the other evidence, in standard deviations.
-
-        The other evidence is the edges, the tensile curves and the other priors.
+        """Return how far each prior on a parameter is from the value that all other data give, in standard deviations.
 
         Returns
         -------
         tuple of float
             One distance for each prior, positive if the parameter is above the mean of the prior.
-
-        Notes
-        -----
-        The distance is the difference between the prior and the parameter that the other evidence gives, divided by the
-        standard deviation of this difference. No second fit is needed: let z be the standardised residual of the prior
-        at the optimum, s its derivative in the unknowns, and H the Hessian without this prior. Without the prior, the
-        residual at the optimum would be z (1 + s' inv(H) s). Its variance is 1 (from the prior) plus s' inv(H) s (from
-        the other evidence). The quotient of the residual and its standard deviation is z sqrt(1 + s' inv(H) s).
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
+            # Without this prior, its residual at the optimum would be z (1 + s' inv(H) s), with the variance 1 + s'
+            # inv(H) s, for its slope s and the Hessian H of all others.
             others = self.hessian - np.outer(slope, slope)
             distances.append(float(z * np.sqrt(1 + slope @ np.linalg.solve(others, slope))))
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance of the n unknowns, (n, n), if the noise is ``widened`` times its estimate."""
+        """Return the covariance of the n unknowns, shape (n, n), for noise ``widened`` times as large as estimated."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -250,39 +220,34 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return how many neighbouring residuals count as one independent residual: the number tau.
-
-    Errors of lens, light and law are similar along an edge and in neighbouring states. For edges, tau is therefore the
-    product of two correlation lengths: in points along the edge, and in neighbouring states
-    (`eimi_fitting.correlation`). For tracked points, one error is assumed common to all points of a state, so that each
-    state has two independent numbers, x and y.
+    """Return how many neighbouring residuals count as one independent residual.
 
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals of K states in mm, in G groups (edges, or x and y) of m neighbouring points.
+        Residuals in mm at m neighbouring points on each of G edges (or in x and y) in K states.
     weights : ndarray, shape (K, G, m)
         Zero for points that are not used.
     observed : EdgeObservation or PointObservation
-        The measured edges or tracked points. tau is computed differently for edges and for tracked points.
+        The measured edges or tracked points.
 
     Returns
     -------
     float
-        tau, at least 1.
+        The number of residuals, at least 1.
     """
+    # Errors of lens, light and law are similar along an edge and in neighbouring states.
     if isinstance(observed, EdgeObservation):
         by_state = correlation_length(residuals.transpose(1, 2, 0), weights.transpose(1, 2, 0))
         return correlation_length(residuals, weights) * by_state
+    # One error is assumed common to all points of a state, so that a state has two independent numbers, x and y.
     return max(float(weights.sum()) / (2 * len(weights)), 1.0)
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return how many of the measured points of all experiments count as independent.
+    """Return how many of the measured points of all experiments count as independent, from their residuals.
 
-    Neighbouring points have similar errors, so that several of them count as one. The number is computed from the
-    residuals of the first candidate (set of values of the unknowns) in ``misfits``, which has one element for each
-    experiment.
+    Neighbouring points have similar errors, so that several of them count as one.
     """
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
@@ -291,21 +256,21 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 
 
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
-    """Linearise the evidence of a fit (edges, tensile curves, priors) about its optimum, by central differences.
+    """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The optimum of the problem, with the evaluations for the differences.
+        The best values of the unknowns, with simulations for nearby values.
     likelihood_points : float, optional
-        Number N of independent points in the likelihood; estimated from the residuals by default.
+        Number of independent points for the weights of the likelihood; estimated from the residuals by default.
 
     Returns
     -------
     Linearisation
-        The linearised residuals, with the slopes of tensile curves and priors.
+        The residuals and their derivatives.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits
@@ -358,12 +323,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the contribution of the tensile curves to the variance of the score in n unknowns, shape (n, n).
-
-    The score is the gradient of minus the log-likelihood. Its variance follows from the noise of each curve. The noise
-    is computed from the residuals of the joint fit, but is at least the noise of a fit to the curve alone. ``z`` has
-    the standardised residuals of the joint fit, and ``slopes`` their derivatives in the unknowns.
-    """
+    """Return the contribution of the tensile curves to the variance of the gradient of the log-likelihood, (n, n)."""
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:
@@ -371,5 +331,6 @@ def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
         first = rows.stop
         # The expected sum of z^2 over m rows is m / tau.
         square = float((z[rows] ** 2).sum()) * curve.correlation_rows / len(curve.curve.strain)
+        # The noise of the joint fit counts, but at least the noise of a fit to the curve alone.
         variance += max(curve.curve.weight, square) * slopes[:, rows] @ slopes[:, rows].T
     return variance

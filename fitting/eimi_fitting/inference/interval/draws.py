@@ -31,10 +31,10 @@ class Draws:
     seed : int
         Seed of the random numbers.
     names : tuple of str
-        Names of the law's parameters, then names of the uncertain numbers of the inputs.
+        Names of the law's parameters, then names of the uncertain inputs.
     values : tuple of tuple of float
-        One row for each draw, in the order of ``names``: the parameters in their units, then the deviations of the
-        uncertain numbers from their stated values, in the units of their sources.
+        One row for each draw: the parameters in their units, then the deviations of the inputs from their stated
+        values, in the units of the inputs.
     """
 
     seed: int
@@ -47,11 +47,9 @@ class Draws:
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
-    """Return D = 4000 draws of n independent standard normal numbers, shape (D, n).
-
-    The draws are a Latin hypercube: the range of each number is divided into D equally probable parts, and each part
-    contains one draw (McKay, Beckman and Conover 1979, Technometrics 21:239).
-    """
+    """Return 4000 draws of n independent standard normal numbers, shape (4000, n)."""
+    # Latin hypercube: each of D equally probable ranges of a number contains one draw (McKay, Beckman and Conover 1979,
+    # Technometrics 21:239).
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
     return np.asarray(scipy.special.ndtri((ranks + 0.5) / _DRAWN))
 
@@ -59,35 +57,27 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw random changes of the optimum by noise, priors and the remaining errors of the beam models.
-
-    The changes by noise and priors are normal with the given covariance. The 95 % interval of an unknown may be
-    asymmetric. Negative changes of this unknown are then multiplied by one factor and positive changes by another, so
-    that the 2.5 % and 97.5 % quantiles are the ends of the interval. Each error of a beam model adds a normal number
-    times its effect on the unknowns.
+    """Draw random errors of the n unknowns due to noise, priors and the beam models.
 
     Parameters
     ----------
     rng : numpy.random.Generator
         Generator of the random numbers.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates (0 to 1).
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     covariance : ndarray, shape (n, n)
-        Covariance of the optimum due to noise and priors.
+        Covariance of the unknowns due to noise and priors.
     ends : Ends
-        Ends of the 95 % intervals. Only the unknowns whose ends come from the profile likelihood (``ends.profiled``)
-        are scaled to them.
+        Ends of the 95 % intervals, for unknowns with an asymmetric interval.
     model_errors : ndarray, shape (C, n)
-        For each of C errors of the beam models, the change of the n unknowns by one standard deviation of this error,
-        in unit coordinates.
+        Change of the unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        For each of the C errors, the standard deviation of a further random change of the first unknown, which
-        determines the modulus. This change is independent of all other changes.
+        Standard deviation of a further, independent error of the first unknown, for each of the C errors.
 
     Returns
     -------
     ndarray, shape (D, n)
-        D draws of the changes, in unit coordinates.
+        D draws of the errors, scaled as ``unit``.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -104,12 +94,9 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of 400 of D = 4000 draws for a result file, from the modulus of each draw, (D,).
-
-    A draw is a random sample of all uncertain quantities of a fit. The draws are sorted by the modulus, and every
-    tenth draw is stored. The quantiles of the modulus therefore hardly change.
-    """
+    """Return the indices of 400 of 4000 random draws for a result file, from the modulus of each draw, (4000,)."""
     stride = _DRAWN // _KEPT
+    # Every tenth draw in the order of the modulus: the quantiles of the modulus hardly change.
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
 
 
@@ -130,12 +117,11 @@ def draw_parameters(
     values : ndarray, shape (n,)
         Best values of the n parameters.
     intervals : ndarray, shape (n, 2)
-        Lower and upper end of the 95 % interval of each parameter. An asymmetric interval gives two half-normal
-        distributions.
+        Lower and upper end of the 95 % interval of each parameter.
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
-        Takes D draws of the parameters, (D, n), and returns their initial shear moduli (D,).
+        Function that returns the initial shear moduli (D,) of D sets of parameters (D, n).
     seed : int
         Seed of the random numbers.
 
@@ -147,6 +133,7 @@ def draw_parameters(
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     z = normal_draws(np.random.default_rng(seed), len(values)) @ root.T / NORMAL_95
+    # An asymmetric interval gives two half-normal distributions.
     drawn = values + np.where(z < 0, z * (values - intervals[:, 0]), z * (intervals[:, 1] - values))
     kept = rounded(drawn[thinned(modulus(drawn))])
     return Draws(seed, tuple(names), tuple(map(tuple, kept.tolist())))
@@ -166,8 +153,8 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with two 95 % intervals, computed from two sets of random draws.
+    """Return a value with its 95 % interval from all uncertainties, and its interval from the fit alone.
 
-    The draws ``drawn`` contain all uncertainties. The draws ``fit_alone`` contain only noise and the error of the mesh.
+    The intervals are quantiles of the random draws ``drawn`` and ``fit_alone``.
     """
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

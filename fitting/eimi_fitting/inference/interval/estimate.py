@@ -58,18 +58,18 @@ _SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate'
 
 @dataclass(frozen=True)
 class FreedNuisance:
-    """A freed nuisance (an uncertain input that a fit estimates) and its deviation from the stated value.
+    """An uncertain input that was fitted with the law, and its deviation from the stated value.
 
     Parameters
     ----------
     name : str
-        Name of the nuisance in a result.
+        Name of the input in a result.
     datasets : tuple of int
-        Indices of the datasets that share the nuisance, counted from 0 in the order of the experiments.
+        Indices of the datasets that share the input, counted from 0.
     deviation : Quantity
-        Estimated value minus stated value, with intervals.
+        Fitted value minus stated value, with intervals.
     prior_standard_deviation : float
-        Standard deviation of the prior of the nuisance, in the unit of the deviation.
+        Standard deviation of the prior, in the unit of the deviation.
     """
 
     name: str
@@ -80,15 +80,14 @@ class FreedNuisance:
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """The effect of a correction by a better beam model on the initial shear modulus.
+    """The change of the initial shear modulus by a better beam model, such as a finer mesh.
 
     Parameters
     ----------
     change_percent : float or None
         Change of the modulus in per cent; None if the better model finds no equilibrium.
     left_percent : float or None
-        95 % bound of the remaining error of the modulus in per cent, which the interval contains; None if the better
-        model finds no equilibrium.
+        95 % bound of the remaining error of the modulus in per cent; None if the better model finds no equilibrium.
     """
 
     change_percent: float | None
@@ -97,7 +96,7 @@ class CorrectionEffect:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """The unknowns of a fit of a hyperelastic law, with 95 % intervals.
+    """The parameters of a fitted hyperelastic law, with 95 % intervals.
 
     Parameters
     ----------
@@ -106,28 +105,25 @@ class Estimate:
     initial_shear_modulus : Quantity
         The initial shear modulus in Pa.
     bulk_modulus : Quantity or None
-        The bulk modulus in Pa; None unless it was freed.
+        The bulk modulus in Pa; None unless it was fitted.
     freed : tuple of FreedNuisance
-        The freed nuisances: uncertain inputs that the fit has determined.
+        The uncertain inputs that were fitted with the law.
     identifiability : Identifiability
-        The combinations of unknowns that the data determine.
+        The unknowns that the data determine, and those that they do not determine.
     mesh, section_change : CorrectionEffect or None
-        Effect of a mesh twice as fine (``mesh``), and effect of the three-dimensional model of a solid section
-        (``section_change``). None for a correction that does not apply.
+        Effect of a mesh twice as fine (``mesh``) and of a three-dimensional model of a solid section
+        (``section_change``); None if it does not apply.
     held_out_error_mm : float or None
-        Root mean square residual in mm of a state that was omitted from the fit, as the mean over all states
-        (cross-validation). Here the uncertain inputs are determined together with the law. None if there is only one
-        state.
+        Mean root mean square residual of states left out of the fit, in mm (cross-validation); None if there is only
+        one state.
     budget : tuple of BudgetEntry
-        The effect of each source of uncertainty on the initial shear modulus, the largest effect first.
+        Effect of each uncertain input on the initial shear modulus, the largest first.
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Important sources of uncertainty that no file specifies (``Source.is_decisive``), with the effect of their usual
-        uncertainty. The intervals do not contain this effect.
+        Effect of important inputs without a stated uncertainty, for their usual uncertainty; not in the intervals.
     draws : Draws or None
-        Draws from the joint distribution of all uncertain quantities. The intervals are quantiles of these draws. None
-        in result files of earlier releases.
+        Random draws whose quantiles are the intervals; None in result files of earlier releases.
     """
 
     parameters: dict[str, Quantity]
@@ -153,33 +149,29 @@ def estimate(
     seed: int,
     shift_percent: float = 0.0,
 ) -> Estimate:
-    """Return the unknowns of a fit with their intervals, from the optimum of the fit.
-
-    Candidates are simulated only for the ends of the intervals and for sources of uncertainty that no file specifies.
+    """Return the parameters of a fitted law with their 95 % intervals.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
+        The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The optimum of the problem.
+        The best values of the unknowns.
     effects : sequence of Effect
-        The changes of the optimum by the corrections.
+        Changes of the best values by better beam models.
     noise : Noise
-        The evidence (edges, tensile curves, priors) linearised at the optimum, with the noise separated from the errors
-        of the sources of uncertainty.
+        The residuals near the best values, with noise separated from errors of uncertain inputs.
     refinements : sequence of str
-        Names of all corrections by better beam models that were tried.
+        Names of the better beam models that were tried.
     seed : int
         Seed of the random draws.
     shift_percent : float
-        95 % bound of a further error of the modulus in per cent, such as an error of the bench that the residuals show.
-        It is added to the errors by noise, mesh and uncertain inputs.
+        95 % bound of a further error of the modulus, in per cent.
 
     Returns
     -------
     Estimate
-        The unknowns with their intervals.
+        The parameters with their intervals.
     """
     unknowns, unit = problem.unknowns, optimum.unit
     about, explained, sources = noise.about, noise.explained, noise.sources
@@ -219,30 +211,21 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return how much each important input whose uncertainty no file states would widen the interval of the modulus.
-
-    The effect on the modulus is computed for the usual uncertainty of the input.
-    """
+    """Return the effect on the modulus of each important input without a stated uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors that remain after C corrections by better beam models, in unit coordinates.
-
-    The bounds of the search are the unit coordinates 0 and 1.
+    """Return 95 % bounds of the errors of n unknowns that remain after C corrections by better beam models.
 
     Returns
     -------
     model_errors : ndarray, shape (C, n)
-        A bound for each of the n unknowns: the change of the optimum by the correction, times the share of this change
-        that remains uncertain.
+        Bounds for all unknowns, scaled so that the bounds of the search are 0 and 1.
     modulus_errors : ndarray, shape (C,)
-        A further bound for the modulus alone, because the bound a of the modulus in ``model_errors`` may be too small:
-        other unknowns may compensate for a part of an error of the beam model. Let b be the bound if all other unknowns
-        are fixed, or ``Effect.least_percent`` if this is larger. The further bound is sqrt(b^2 - a^2), or 0 if a > b,
-        so that both bounds together (as root sum of squares) are at least b.
+        Further bounds for the modulus alone, scaled in the same way.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -252,16 +235,15 @@ def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Seque
             states.score(change)[0] for states, change in zip(about.states, effect.correction.changes, strict=True)
         )
         model_errors[c] = share * effect.moved
+        # Other unknowns may compensate for a part of an error. Both bounds of the modulus together are therefore at
+        # least as large as its bound with all other unknowns fixed.
         whole = max(abs(share * score / about.hessian[0, 0]), np.log1p(1e-2 * effect.least_percent) / log_range)
         modulus_errors[c] = np.sqrt(max(whole**2 - model_errors[c, 0] ** 2, 0.0))
     return model_errors, modulus_errors
 
 
 def _log_range(unknowns: Unknowns) -> float:
-    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search.
-
-    A change of the first unit coordinate (0 to 1) times this number is the change of the logarithm of the modulus.
-    """
+    """Return ln(upper bound / lower bound) for the bounds of the modulus in the search."""
     return float(np.log(unknowns.space.upper[0] / unknowns.space.lower[0]))
 
 
@@ -283,16 +265,13 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the factor by which the intervals are wider because the level of the noise is only an estimate.
-
-    The factor is the 97.5 % quantile of Student's t divided by the same quantile of the normal distribution. The
-    degrees of freedom are the number of independent points minus the number of unknowns. With E edges they are at most
-    E - 1, because the errors along one edge are correlated (Bester, Conley and Hansen 2011, J. Econometrics 165:137).
-    For tracked points the noise is stated and not estimated, and the factor is 1.
-    """
+    """Return the factor by which the intervals are wider because the noise level is estimated (Student's t)."""
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
+        # the noise of tracked points is stated
         return 1.0
     edges = sum(states.residuals.shape[0] * states.residuals.shape[1] for states in about.states)
+    # The errors along one edge are correlated, so that E edges give at most E - 1 degrees of freedom (Bester, Conley
+    # and Hansen 2011, J. Econometrics 165:137).
     freedom = max(min(about.noise_points - len(about.unit), edges - 1), 1.0)
     return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
@@ -306,8 +285,7 @@ def _ends(
 ) -> Ends:
     """Return the ends of the 95 % intervals of all unknowns.
 
-    ``half_width`` has half of the width of each interval for a quadratic log-likelihood. For the unknowns with the
-    indices ``checked``, the ends are computed by the profile likelihood instead.
+    The unknowns with the indices ``checked`` may have asymmetric intervals.
     """
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
@@ -351,11 +329,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return some fields of `Estimate` by their names, computed from random draws of all unknowns.
-
-    The fields are the parameters, the moduli, the freed nuisances (uncertain inputs that the fit determines together
-    with the law) and the draws themselves. The intervals are quantiles of the draws.
-    """
+    """Return the parameters, moduli, fitted inputs and random draws of an `Estimate`, by field name."""
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
@@ -383,10 +357,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return the unknowns of P candidates in physical units: a dictionary of arrays (P,) by the names of the unknowns.
-
-    ``units`` has the n unit coordinates (0 to 1) of each candidate, shape (P, n).
-    """
+    """Return P sets of unknowns in physical units, as arrays (P,) by name, from scaled values (P, n)."""
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:
@@ -444,7 +415,7 @@ def _identifiability(
 
 
 def _slopes(unknowns: Unknowns, unit: Array) -> Array:
-    """Return the derivatives (m, n) of the m parameters of the law in the n unit coordinates (0 to 1)."""
+    """Return the derivatives (m, n) of the m parameters of the law in the n unknowns, scaled to 0..1."""
     step = _SLOPE_STEP * np.eye(len(unit))
     ahead, behind = np.minimum(unit + step, 1.0), np.maximum(unit - step, 0.0)
     difference = unknowns.parameters(ahead) - unknowns.parameters(behind)

@@ -29,17 +29,14 @@ _CORRELATED = 0.9  # two unknowns are described as one combination above this co
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of unknowns with an independent error: an eigenvector of the information of the data.
-
-    The information is the matrix of second derivatives of minus the log-likelihood.
+    """A combination of unknowns whose error is independent of the errors of the other combinations.
 
     Parameters
     ----------
     words : str
         Names of the unknowns that the combination contains.
     remaining : float
-        Standard deviation of the combination after the fit, divided by its standard deviation before the fit (prior);
-        between 0 and 1.
+        Standard deviation after the fit, divided by the standard deviation before the fit; between 0 and 1.
     """
 
     words: str
@@ -48,18 +45,18 @@ class Direction:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The unknowns of a fit that the data determine, and the unknowns that the data do not determine.
+    """The unknowns of a fit that the data determine, and those that they do not determine.
 
     Parameters
     ----------
     statement : str
         A summary in a few sentences.
     not_fixed : tuple of str
-        Names of the law's coordinates (quantities that the search varies) that the data do not determine.
+        Names of the law's unknowns that the data do not determine.
     held_by_bounds : tuple of str
         Names of the parameters whose interval is mainly determined by the bounds of the search.
     at_bound : tuple of str
-        Names of the coordinates whose optimum lies on a bound.
+        Names of the law's unknowns whose best value lies on a bound of the search.
     residual_mm : float
         Root mean square of all residuals in mm.
     correlation_points : float
@@ -73,18 +70,17 @@ class Identifiability:
     correlation : tuple of tuple of float
         Correlation matrix of the errors of the unknowns, one row for each unknown.
     directions : tuple of Direction
-        The combinations of unknowns with independent errors, the best determined first.
+        Combinations of unknowns with independent errors, the best determined first.
     profiled : tuple of str
         Names of the unknowns whose interval is computed from the profile likelihood.
     noise_mm, noise_points : float or None
-        Mean error in mm (``noise_mm``) and number of independent points (``noise_points``) of the part of the residuals
-        that the sources of uncertainty do not explain. None in files of earlier releases.
+        Mean error in mm and number of independent points of the noise, the part of the residuals that no uncertain
+        input explains. None in files of earlier releases.
     stated_squares : float
-        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties, if
-        the inputs are fitted together with the unknowns.
+        Sum of the squared deviations of the uncertain inputs from their stated values in standard uncertainties, if
+        they are fitted, too.
     model_mm : float
-        Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
-        in mm; 0 if no uncertain input is stated.
+        Mean standard deviation of the remaining error of the beam model in mm; 0 if no uncertain input is stated.
     """
 
     statement: str
@@ -112,27 +108,24 @@ def is_open(modulus: Quantity) -> bool:
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which parameters of a law are limited mainly by the bounds of the search instead of the data.
-
-    A coordinate is a quantity that the search varies within bounds, such as the initial shear modulus. The data may not
-    determine a coordinate; then only its bounds limit its uncertainty. A parameter counts as held by the bounds if more
-    than half of its variance comes from such coordinates.
+    """Return which parameters of a law are limited mainly by the bounds of the search, and not by the data.
 
     Parameters
     ----------
     slopes : ndarray, shape (m, n)
-        Derivatives of the m parameters of the law in the n coordinates of the law.
+        Derivatives of the m parameters in the n unknowns.
     covariance : ndarray, shape (n, n)
-        Covariance of the n coordinates.
+        Covariance of the n unknowns.
     open_coordinates : ndarray of bool, shape (n,)
-        True for coordinates that the data do not determine.
+        True for unknowns that the data do not determine.
 
     Returns
     -------
     ndarray of bool, shape (m,)
-        True for parameters that are held by the bounds.
+        True for parameters that are limited by the bounds.
     """
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    # the variance from unknowns that the data do not determine
     from_bounds = slopes[:, open_coordinates] ** 2 @ np.diag(covariance)[open_coordinates]
     return np.asarray(from_bounds > 0.5 * variance)
 
@@ -145,15 +138,16 @@ def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[
     names : sequence of str
         Names of the n unknowns.
     information : ndarray, shape (n, n)
-        Information A of the data: the second derivatives of minus the log-likelihood.
+        Hessian of minus the log-likelihood.
     prior : ndarray, shape (n, n)
-        Diagonal inverse variance P of the priors.
+        Inverse variance of the priors, diagonal.
 
     Returns
     -------
     tuple of Direction
-        The n eigenvectors of P^(-1/2) A P^(-1/2).
+        The n combinations.
     """
+    # eigenvectors of P^(-1/2) A P^(-1/2), with the information A and the prior P
     scale = 1 / np.sqrt(np.diag(prior))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     return tuple(
@@ -187,21 +181,19 @@ def statement(
     Parameters
     ----------
     names : sequence of str
-        Names of all unknowns; the coordinates of the law come first.
+        Names of all n unknowns; those of the law come first.
     law_coordinates : int
-        Number of coordinates of the law.
+        Number of unknowns of the law.
     not_fixed : sequence of str
-        Names of the law's coordinates that the data do not determine.
+        Names of the law's unknowns that the data do not determine.
     correlation : ndarray, shape (n, n)
-        Correlation matrix of all n unknowns.
+        Correlation matrix of the unknowns.
     eigen : sequence of Direction
         Combinations of unknowns with independent errors, the best determined first.
     ratios : sequence of str
-        Names of the nuisances (uncertain inputs) that scale the magnetic load. The data determine only the ratio of the
-        magnetic load to the modulus.
+        Names of fitted inputs that scale the magnetic load.
     remaining : sequence of float
-        For each unknown, its standard deviation after the fit, divided by its standard deviation before the fit
-        (prior).
+        For each unknown, its standard deviation after the fit, divided by its standard deviation before the fit.
     modulus : Quantity
         The initial shear modulus in Pa.
     priors : bool

@@ -45,20 +45,16 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The residuals of a fit as linear functions of unknowns and uncertain inputs, near the values that fit best.
-
-    A fit determines the n unknowns only. Here the S uncertain inputs are determined too, so that the remaining
-    residuals are noise.
+    """The residuals as linear functions of n unknowns and S uncertain inputs, at the values that fit best.
 
     Parameters
     ----------
     states : tuple of LinearStates
-        The linearised states of each experiment. The slopes have the shape (n + S, K, G, m): derivatives in n unknowns
-        and S inputs for G groups (edges, or x and y) of m points in K states. The weights are computed from the noise.
+        The residuals of each experiment, with derivatives in the n unknowns and then in the S inputs.
     hessian : ndarray, shape (n + S, n + S)
-        Hessian of minus the log-likelihood with priors, in n unknowns and S uncertain inputs.
+        Hessian of minus the logarithm of the likelihood times the priors.
     squares : float
-        Sum of the squared deviations of all uncertain inputs from their stated values, in standard uncertainties.
+        Sum of the squared deviations of the inputs from their stated values, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -68,21 +64,18 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the optimum of a fit when the residuals are corrected by a better beam model.
-
-    A better model has a finer mesh or is three-dimensional.
+    """The change of the best values of a fit by a better beam model, such as a finer mesh.
 
     Parameters
     ----------
     correction : Correction
-        The change of the residuals by a finer mesh or a three-dimensional model.
+        The change of the residuals by the better model.
     moved : ndarray, shape (n,)
-        Change of the optimum in unit coordinates (the bounds of the search are 0 and 1).
+        Change of the best values, scaled so that the bounds of the search are 0 and 1.
     share : float, optional
-        Share of the change that remains uncertain; ``Refinement.remaining_share`` by default.
+        Share of the change that remains uncertain; the usual share of the better model by default.
     least_percent : float
-        The 95 % bound of the remaining error of the modulus is at least this value in per cent, even if ``share`` gives
-        a smaller bound.
+        Smallest 95 % bound of the remaining error of the modulus, in per cent.
     """
 
     correction: Correction
@@ -92,29 +85,24 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Share of the change by a better beam model that remains uncertain, because the better model is not exact."""
+        """The share of the change that remains uncertain, because the better model is not exact."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The evidence of a fit linearised at the optimum, with noise separated from errors of uncertain inputs.
-
-    The evidence is the edges, tensile curves and priors. Noise is the part of the residuals that no uncertain input
-    explains.
+    """The residuals of a fit near the optimum, with noise separated from errors of uncertain inputs.
 
     Parameters
     ----------
     about : Linearisation
-        The linearised residuals at the optimum. The variance of the score (the gradient of minus the log-likelihood) is
-        computed from the noise alone.
+        The residuals and their derivatives at the best values of the unknowns.
     explained : Explained
-        The linearised residuals at the values of unknowns and uncertain inputs that fit best.
+        The same at the best values of unknowns and uncertain inputs together.
     sources : tuple of ConsideredSources
-        The S uncertain numbers that keep their stated values in the fit.
+        The S uncertain inputs, or their parts, that the fit does not determine.
     mean_model_mm : float
-        Standard deviation of the error of the beam model that remains after the corrections, as a mean over the states,
-        in mm; 0 without uncertain inputs.
+        Mean standard deviation of the remaining error of the beam model in mm; 0 without uncertain inputs.
     """
 
     about: Linearisation
@@ -123,7 +111,7 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return a sentence for each uncertain input of the fit whose effect the intervals do not contain."""
+        """Return one sentence for each uncertain input whose effect the intervals do not contain."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
@@ -135,29 +123,21 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Linearise the evidence of a fit (edges, curves, priors), and separate noise from errors of uncertain inputs.
+    """Separate the noise of a fit from the errors of uncertain inputs, such as a wrong width.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The optimum of the problem.
+        The best values of the unknowns.
     effects : sequence of Effect
-        The corrections by better beam models, with the errors that they leave. These errors add to the noise, so that
-        the uncertain inputs do not explain residuals smaller than them.
+        Corrections by better beam models; the errors that remain add to the noise.
 
     Returns
     -------
     Noise
-        The linearised residuals, with the noise separated from the errors of the sources.
-
-    Notes
-    -----
-    The error of a state is its root mean square residual in mm. Let E be the mean error of all states, e the same mean
-    for the noise alone, and N the number of independent points of the noise. The likelihood
-    (`inference.interval.covariance`) gives a state a weight proportional to N / E^2. Only the noise should count, with
-    a weight proportional to N / e^2. The likelihood is therefore computed with N (E / e)^2 in place of N.
+        The residuals, with noise separated from errors of inputs.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -166,6 +146,8 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     explained = _explained(problem, about, sources, model_mm, optimum.evaluation.comparison.near)
     points = _independent(problem, explained.states)
     noise_mm = _mean_mm(explained.states)
+    # A weight in the likelihood is proportional to N / E^2, with N points and the mean error E of all residuals. N (E /
+    # e)^2 in place of N gives N / e^2, with the mean error e of the noise alone.
     about = linearise(problem, optimum, points * (_mean_mm(about.states) / noise_mm) ** 2)
     variance = about.score_variance
     for states, clean, experiment in zip(about.states, explained.states, problem.experiments, strict=True):
@@ -176,10 +158,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the error of the edges in each state that remains after the corrections by better beam models.
-
-    The result is a standard deviation in mm: one array (K,) for each experiment with K states.
-    """
+    """Return the remaining error of the beam models in mm in each state, (K,) for each experiment."""
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -199,7 +178,7 @@ def _mean_mm(states: Sequence[LinearStates]) -> float:
 
 
 def _independent(problem: Problem, states: Sequence[LinearStates]) -> float:
-    """Return how many points of all experiments count as independent, although neighbouring residuals are similar."""
+    """Return how many points of all experiments count as independent."""
     return sum(
         float(linear.used.sum()) / point_correlation(linear.residuals, linear.used, experiment.observed)
         for linear, experiment in zip(states, problem.experiments, strict=True)
@@ -213,11 +192,7 @@ def _explained(
     model_mm: Sequence[Array],
     near: Sequence[Shapes],
 ) -> Explained:
-    """Fit unknowns and uncertain inputs (sources) together by Gauss-Newton, and return the residuals.
-
-    The residuals are linearised at the values that fit best. ``near`` has shapes of the beam at the optimum of the
-    unknowns alone, from which the solver starts.
-    """
+    """Fit unknowns and uncertain inputs together, and return the remaining residuals."""
     unknowns = Unknowns(problem.unknowns.space, (*problem.unknowns.freed, *(source.freed for source in sources)))
     freed = replace(problem, unknowns=unknowns)
     unit, n = np.concatenate([about.unit, np.full(len(sources), 0.5)]), len(about.unit)
@@ -268,45 +243,29 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return how badly the unknowns and the uncertain inputs explain the data, in mm; the best values give the minimum.
-
-    The number is e exp(q / (2 N)). Here e is the mean over the states of the root mean square residual, which includes
-    the error of the beam model (``model_mm``). q is the sum of the squared deviations of the uncertain inputs from
-    their stated values, in standard uncertainties. N is ``points``, the number of independent points. The likelihood is
-    proportional to the number to the power -N.
-    """
+    """Return the objective of a fit of unknowns and uncertain inputs together, in mm; smallest for the best fit."""
+    # The likelihood is proportional to this number to the power -points.
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
     )
 
 
 def _slopes(misfit: Misfit, distance: Array) -> Array:
-    """Return the derivatives of the residuals in n unit coordinates (0 to 1), in mm, by central differences.
-
-    ``misfit`` has the residuals for 2 n + 1 sets of values of the n unknowns: the set itself, then n sets with one
-    value increased, then n sets with one value decreased. ``distance`` (n,) has the distance between the increased and
-    the decreased value of each coordinate.
-    """
+    """Return the derivatives of the residuals in mm by n unknowns (scaled to 0..1), by central differences."""
     n = len(distance)
+    # The residuals belong to the optimum, then to n increased and n decreased values of one unknown each.
     ahead, behind = misfit.residuals[1 : n + 1], misfit.residuals[n + 1 :]
     return np.asarray((ahead - behind) / distance[:, None, None, None])
 
 
 def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
-    """Append the derivatives of the residuals by the uncertain inputs to their derivatives by the unknowns of a fit.
-
-    ``changes`` has the change of the residuals for one standard uncertainty of each input. The derivative is 12 times
-    as large, because each input is given as a number from 0 to 1 (unit coordinate) that covers 12 standard
-    uncertainties.
-    """
+    """Append the derivatives of the residuals by the uncertain inputs to those by the unknowns."""
+    # An input scaled to 0..1 covers 2 * RANGE standard uncertainties.
     return np.concatenate([slopes, [np.zeros(slopes.shape[1:]) if c is None else 2 * RANGE * c for c in changes]])
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
-    """Return the sum of the squared deviations of all uncertain inputs from their stated values.
-
-    A deviation is counted in standard uncertainties of the input.
-    """
+    """Return the sum of the squared deviations of inputs from their stated values, in standard uncertainties."""
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -318,16 +277,8 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Return the values of unknowns and uncertain inputs that explain the linearised residuals best.
-
-    The second result is the states with the residuals that remain. The weighted sum of the squared residuals, plus the
-    squared deviations of the priors, is minimised. The weights depend on the residuals that remain, and are computed
-    again until the mean error hardly changes.
-
-    ``states`` are linearised at the point ``at``, in unit coordinates (0 to 1) of the n unknowns and S inputs. The
-    priors have the centre ``unit`` and the inverse variance ``prior``. ``model_mm`` has the remaining error of the beam
-    model in each state, in mm.
-    """
+    """Return the values of unknowns and uncertain inputs that fit best, and the remaining residuals."""
+    # The residuals are linear about ``at``. The priors have the mean ``unit`` and the inverse variance ``prior``.
     remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):
         normal, score = prior.copy(), prior @ (at - unit)
@@ -337,6 +288,7 @@ def _least(
         best = at + step_to_minimum(at, score, normal)
         residuals = [linear.residuals + np.tensordot(best - at, linear.slopes, axes=1) for linear in states]
         remaining = [_with_residuals(weighted, r) for weighted, r in zip(remaining, residuals, strict=True)]
+        # The weights depend on the residuals that remain.
         remaining = _with_weights(problem, remaining, model_mm)
         mean = _mean_mm(remaining)
         if abs(mean - level) < _SAME * level:
@@ -346,12 +298,7 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the linearised states with new weights in the likelihood, which are computed from their residuals.
-
-    A weight is large if the residuals of the state are small and if few neighbouring residuals are correlated
-    (`inference.interval.covariance`). ``model_mm`` has the error of the beam model in mm, which is added to the error
-    of each state.
-    """
+    """Return the states with likelihood weights computed from their residuals and the error of the beam model."""
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
@@ -361,15 +308,11 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the errors of the states in mm with the error of the beam model added, (K,) for each experiment.
-
-    The result is sqrt(e^2 + m^2), with the root mean square residual e of a state and the standard deviation m of the
-    error of the beam model (``model_mm``).
-    """
+    """Return the errors of the states in mm with the error of the beam model added, (K,) for each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return linearised states with other residuals (mm), and with the errors that follow from these residuals."""
+    """Return the states with other residuals, in mm."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

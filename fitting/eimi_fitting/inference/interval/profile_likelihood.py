@@ -42,9 +42,9 @@ class Ends:
     Parameters
     ----------
     low, high : ndarray, shape (n,)
-        Lower and upper ends in unit coordinates (0 to 1).
+        Lower and upper ends, scaled so that the bounds of the search are 0 and 1.
     profiled : tuple of int
-        Indices of the coordinates whose ends come from the profile likelihood.
+        Indices of the unknowns whose ends come from the profile likelihood.
     """
 
     low: Array
@@ -54,25 +54,25 @@ class Ends:
 
 @dataclass
 class _End:
-    """One end of the interval of one unknown (coordinate), during its iterative computation.
+    """One end of the interval of one unknown, during its iterative computation.
 
     The deviance is twice the decrease of the log-likelihood from its maximum.
 
     Parameters
     ----------
     coordinate : int
-        Index of the coordinate.
+        Index of the unknown.
     side : int
         -1 for the lower end, 1 for the upper end.
     target : float
         The deviance that the end must have.
     point : ndarray, shape (n,)
-        The present candidate for the end, in unit coordinates (0 to 1).
+        Present estimate of the unknowns at the end, scaled to 0..1 between their bounds.
     deviance, score : float and ndarray, shape (n,)
-        Deviance of the candidate, and gradient (``score``) of half the deviance in the n coordinates.
+        Deviance at ``point``, and gradient of half the deviance (``score``).
     inside, outside : float
-        Largest known distance from the optimum inside the interval (``inside``), and smallest known distance outside
-        the interval (``outside``), in unit coordinates.
+        Largest distance from the optimum that is known to be inside the interval, and smallest distance known to be
+        outside, scaled as ``point``.
     """
 
     coordinate: int
@@ -86,29 +86,19 @@ class _End:
 
     @property
     def off(self) -> float:
-        """The relative difference between the deviance of ``point`` and its target: |deviance / target - 1|."""
+        """The relative difference between the deviance and its target."""
         return abs(self.deviance / self.target - 1)
 
     @property
     def has_converged(self) -> bool:
-        """Whether the search for the end of the interval has finished.
-
-        The deviance agrees with ``target`` within 3 %, or the interval ends at a bound of the coordinate.
-        """
+        """Whether the deviance agrees with its target within 3 %, or the interval ends at a bound of the search."""
         on_bound = not 0 < self.point[self.coordinate] < 1
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Replace the present candidate for the end of the interval (``point``) by one that is nearer to the end.
-
-        The deviance is twice the decrease of the log-likelihood from its maximum, and the profile is the smallest
-        deviance for a given value of the coordinate. The profile equals ``target`` at the end of the interval, and
-        grows about as the square of the distance from the optimum ``unit``. The distance of the candidate is therefore
-        multiplied by sqrt(``target`` / profile). It must stay between the distances that are known to be inside and
-        outside the interval. The other coordinates are then chosen so that a quadratic approximation of the deviance is
-        smallest. ``hessian`` is the Hessian of half the deviance at the optimum.
-        """
+        """Move the estimate closer to the end of the interval, about the optimum ``unit``."""
         i = self.coordinate
+        # ``hessian`` is the Hessian of half the deviance at the optimum.
         size = abs(self.point[i] - unit[i])
         expected = np.inf
         if np.isfinite(self.deviance) and self.score is not None:
@@ -118,6 +108,7 @@ class _End:
             self.inside = max(self.inside, size)
         elif expected > self.target:
             self.outside = min(self.outside, size)
+        # The smallest deviance for a given coordinate grows about as the square of its distance from the optimum.
         share = np.sqrt(self.target / max(expected, 1e-6 * self.target))
         next_size = size * float(np.clip(share, _SHORTEST, _LONGEST))
         if not self.inside < next_size < self.outside:
@@ -133,30 +124,26 @@ def interval_ends(
 ) -> Ends:
     """Return the ends of the intervals of n unknowns about an optimum.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum.
-
     Parameters
     ----------
     deviance : callable
-        Takes P sets of values of the unknowns, (P, n), and returns their deviances (P,) and scores (P, n), the
-        gradients of half the deviance.
+        Function that returns, for P sets of unknowns (P, n), the deviances (P,), twice the decrease of the
+        log-likelihood from its maximum, and the gradients (P, n) of half the deviance.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates, from 0 to 1 within the bounds of the search.
+        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     score : ndarray, shape (n,)
-        Score at the optimum; zero except for coordinates on a bound.
+        Gradient of half the deviance at the optimum; zero except for unknowns on a bound.
     hessian : ndarray, shape (n, n)
         Hessian of half the deviance at the optimum.
     half_width : ndarray, shape (n,)
         Half-widths of the intervals for a quadratic deviance.
     checked : tuple of int
-        Indices of the unknowns whose quadratic ends are compared with the profile likelihood. The other unknowns keep
-        the quadratic ends.
+        Indices of the unknowns whose intervals may be asymmetric.
 
     Returns
     -------
     Ends
-        The ends. All converged ends lie within 0..1. If the computation of an end does not converge, its last candidate
-        and the quadratic end are compared, and the one farther from the optimum is returned.
+        The ends.
     """
     low, high = unit - half_width, unit + half_width
     if not checked:
@@ -179,6 +166,7 @@ def interval_ends(
         unfinished = [end for end in unfinished if not end.has_converged]
     for end in ends:
         i, at = end.coordinate, end.point[end.coordinate]
+        # Without convergence, the end is the last estimate or the quadratic end, whichever is farther from the optimum.
         near = end.has_converged or end.off < _NEAR
         if end.side > 0:
             high[i] = at if near else max(high[i], at)
@@ -194,25 +182,23 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the point of the unit cube at which a quadratic function is smallest, for a given value of coordinate i.
-
-    The function approximates the deviance near the end of an interval.
+    """Return the minimum of a quadratic function for a given value of one coordinate, each coordinate in 0..1.
 
     Parameters
     ----------
     point : ndarray, shape (n,)
-        A point in unit coordinates.
+        A point, each coordinate in 0..1.
     score, hessian : ndarray, shape (n,) and (n, n)
-        Gradient and Hessian of the quadratic at this point.
+        Gradient and Hessian of the function at this point.
     i : int
         Index of the coordinate that has a given value.
     to : float
-        The given value of coordinate i; clipped to 0..1.
+        The given value; clipped to 0..1.
 
     Returns
     -------
     ndarray, shape (n,)
-        The point with the smallest value of the quadratic.
+        The point with the smallest value of the function.
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
