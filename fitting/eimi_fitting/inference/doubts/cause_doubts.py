@@ -25,18 +25,10 @@ _MOST_RIVALS = 2
 def cause_doubts(
     weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> tuple[Doubt, ...]:
-    """Return a doubt that names the most probable cause of the residuals, if the cause matters for the modulus.
+    """Return at most one warning (doubt) about a fit: the error of the test bench that probably caused the residuals.
 
-    A doubt is a warning about the fit, and a cause is a possible error of the bench. A cause matters under one of two
-    conditions. First, the modulus that is corrected for the cause lies outside the 95 % interval of the modulus.
-    Second, the most probable causes explain more than half of the mean error (the mean over the states of the root
-    mean square residual). The second condition does not apply if files state the uncertainties of these causes,
-    because the interval then contains their effect.
-
-    The doubt also names the causes that the residuals do not distinguish from the first one. Two kinds of cause give no
-    `Doubt`: a cause that the fit has taken into account, and a deviation within its stated uncertainty. If most
-    probably no listed cause is present, and the stated uncertainties do not explain the residuals either, a doubt says
-    that the cause is unknown. The residuals that remain unexplained must then exceed ten times the stated noise.
+    The error is named only if it matters for the modulus. If no listed error explains large residuals, the warning says
+    that their cause is unknown.
 
     Returns
     -------
@@ -67,11 +59,7 @@ def cause_doubts(
 
 
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
-    """Return whether deviations of the inputs within their stated uncertainties explain the residuals of a fit.
-
-    Two conditions must hold. Probably no error of the bench is present beyond the stated uncertainties. With the most
-    probable deviations of the inputs, the remaining residuals are at most ten times the stated noise.
-    """
+    """Return whether deviations of the inputs within their stated uncertainties explain the residuals of a fit."""
     if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
         return False
     misfits = (e.observed.of_residuals(r[None]) for e, r in zip(experiments, weighed.remaining, strict=True))
@@ -93,11 +81,7 @@ def _concerns(
 
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
-    """Return whether a file states the uncertainty of the input that is wrong if a cause of the residuals is present.
-
-    A cause is a possible error of the bench, such as a wrong width; the width is then the input. The inputs of other
-    causes that change the residuals in nearly the same way (``Cause.like``) count too.
-    """
+    """Return whether a file states the uncertainty of this error of the test bench, or of one with a similar effect."""
     possible = {one.name: one.stated_as for one in POSSIBLE_CAUSES}
     sources = {source for name in (cause.name, *cause.like) for source in possible[name]}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
@@ -105,13 +89,7 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other causes of the residuals that may be present in place of the first cause.
-
-    A cause is a possible error of the bench. The first cause may belong to a class of causes that change the residuals
-    in nearly the same way (`collinear_causes`); the others of its class are then returned. Otherwise a cause is
-    returned if its probability is above a tenth of the probability of the first cause, and if the two probabilities add
-    up to less than 1.2. With a larger sum, both causes are probably present together, and they are no rivals.
-    """
+    """Return at most two other errors of the test bench that may have caused the residuals instead of the first one."""
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
     either = [
@@ -123,18 +101,12 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the two most probable causes of the residuals if both are probably present, else the first alone.
-
-    They are probably present together if their probabilities add up to at least 1.2.
-    """
+    """Return the first two causes of the residuals if both are probably present, else the first alone."""
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 
 def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
-    """Return in few words which causes the residuals may have, and by how much these would change the modulus.
-
-    ``shifts`` is the smallest and the largest change of the modulus in per cent.
-    """
+    """Return a short text: the probable causes of the residuals, and the change of the modulus by them in per cent."""
     possible = {one.name: one.words for one in POSSIBLE_CAUSES}
     others = rivals(causes)
     either = (causes[0], *others) if others else _present(causes)
@@ -145,10 +117,7 @@ def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a doubt (reason to distrust a fit): the most probable cause of the residuals.
-
-    The text also names the causes that are similar, or a second cause that is probably present too.
-    """
+    """Return the text of a warning that names the probable causes of the residuals."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 

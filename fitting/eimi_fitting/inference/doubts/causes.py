@@ -80,29 +80,26 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """One possible cause (error of the bench) of the residuals of a fit, with its probability.
+    """A possible error of the test bench, with the probability that it has caused the residuals of a fit.
 
     Parameters
     ----------
     name : str
-        Name of the cause. ``"none"`` stands for noise and for an error that no listed cause explains.
+        Name of the error. ``"none"`` stands for noise and for an error that is not listed.
     probability : float
-        Probability that the cause is present.
+        Probability that the error is present.
     value : float
-        Expected amplitude (size) of the cause in ``unit`` if the cause is present. If the cause has several amplitudes,
-        the root of the sum of the squared amplitudes, with the sign of the largest amplitude. Zero for ``"none"``.
+        Expected size of the error in ``unit`` if the error is present; zero for ``"none"``.
     unit : str
         Unit of the value; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus in per cent if a fit takes the cause into account, compared with a fit that
-        does not.
+        Change of the initial shear modulus in per cent if the fit is corrected for the error.
     decide_by : str
-        The measurement that decides whether the cause is present.
+        The measurement that decides whether the error is present.
     like : tuple of str
-        Names of other causes that change the residuals in nearly the same way. The residuals do not distinguish these
-        causes from the cause ``name``.
+        Names of other errors that the residuals do not distinguish from this one.
     is_within_stated : bool
-        Whether the value is at most two standard uncertainties of the inputs, as files state them.
+        Whether the value is at most two standard uncertainties, as files state them.
     """
 
     name: str
@@ -117,32 +114,28 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The possible causes of the residuals of a fit, and the residuals that would remain with each cause.
-
-    A cause is a possible error of the bench, such as a tilted camera. A hypothesis is a set of causes that are present.
+    """The probabilities of possible errors of the test bench (causes), and the residuals that remain with each cause.
 
     Parameters
     ----------
     causes : tuple of Cause
         The causes, the most probable first.
     in_the_fit : frozenset of str
-        Names of the causes that the fit has taken into account, because the inputs were freed (determined by the fit)
-        or measured.
+        Names of the causes that the fit has already corrected, because their sizes were fitted or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
         For each cause by name, one array for each experiment: the root mean square residuals in mm of the K states if
-        the fit took only this cause into account.
+        the fit were corrected for this cause alone.
     modulus_percent : tuple of float
-        Smallest and largest change of the initial shear modulus in per cent, compared with the fit, if the fit took the
-        causes of a hypothesis into account. The range covers the most probable hypotheses, which together have a
-        probability of 0.95.
+        Smallest and largest change of the initial shear modulus in per cent if the fit were corrected for the probable
+        causes.
     most_probable : frozenset of str
-        Names of the causes of the most probable hypothesis.
+        Names of the causes in the most probable set of causes.
     beside_the_fit : float
-        Probability that at least one cause is present which the fit has not taken into account.
+        Probability that at least one cause is present which the fit has not corrected.
     remaining : tuple of ndarray, shape (K, G, m), or None
-        The residuals in mm that remain with the most probable hypothesis. Each experiment has one array, for G groups
-        (edges, or x and y) of m points in K states. None if the beam model finds no equilibrium. Also None if this
-        hypothesis is the fit itself: exact inputs, and no cause that the fit has not taken into account.
+        For each experiment, the residuals in mm that remain with the most probable set of causes: m points on each of G
+        edges (or in x and y) in K states. None if the beam model finds no equilibrium, or if the most probable set
+        leaves the fit as it is.
     as_stated : float
         Probability that no cause is present. A deviation of an input within its stated uncertainty is no cause.
     """
@@ -163,27 +156,24 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Return the probabilities of the possible causes (errors of the bench) of the residuals at an optimum.
+    """Return the probabilities of possible errors of the test bench (causes), given the residuals of a fit.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
+        The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The optimum of the problem.
+        The optimum of the fit.
     effects : sequence of Effect
-        The corrections by better beam models. The errors that they leave can explain a part of the residuals, whichever
-        causes are present.
+        The corrections of the fit by better beam models.
     possible : sequence of PossibleCause
-        The causes to weigh.
+        The causes to compare.
 
     Returns
     -------
     Weighed
-        The causes with probabilities of at least 0.001. An input that the fit determined (a freed input) or that was
-        measured is also a cause, whose value is the deviation of the input from its stated value. ``causes`` is
-        empty if the planar model on the coarse mesh of the search has no equilibrium at the optimum, or if no cause
-        changes the residuals.
+        The causes with probabilities of at least 0.001. There are none if no cause changes the residuals, or if the
+        beam model finds no equilibrium at the optimum.
     """
     if not possible:
         return Weighed((), frozenset(), {})
@@ -256,20 +246,12 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probabilities of some deviations of inputs; those that the residuals do not distinguish are added.
-
-    ``within`` has the deviations of inputs, within their stated uncertainties, that can be recognised in the residuals.
-    Deviations that the residuals do not distinguish form a group. The result has one probability for each group: the
-    sum over its deviations, but at most 1.
-    """
+    """Return the probability of each group of deviations of inputs that the residuals do not distinguish."""
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the most probable sets of causes: as few as have a probability of 0.95 together.
-
-    ``probability`` has the probabilities of H hypotheses (sets of possible errors of the bench), (H,).
-    """
+    """Return the indices of the fewest sets of causes whose probabilities add up to 0.95."""
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

@@ -1,6 +1,6 @@
 """List the possible causes of residuals that belong to the loads: the moment, the field, and softening with time.
 
-A cause is a possible error of a bench (`inference.doubts.possible_causes`). A softer beam bends as under larger loads.
+A cause is a possible error of the test bench.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads of K states for a beam of another stiffness: the loads divided by ``stiffness`` (K,).
+    """Return the loads that bend the assumed beam as much as the given loads bend a softer or stiffer beam.
 
-    ``stiffness`` has the factor on the stiffness of the beam in each state. A softer beam bends as under larger loads.
+    ``stiffness`` (K,) has the stiffness of the softer or stiffer beam, divided by that of the assumed beam, in each of
+    K states.
     """
     over = 1 / stiffness[:, None]
     return replace(
@@ -40,30 +41,21 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with an increase that has the same effect as a beam that softens with time.
+    """Return the loads with an increase that has the same effect as a beam that softens steadily with time.
 
-    The stiffness decreases in proportion to time, with equal time between the states. ``amplitudes`` has one number:
-    the share of the stiffness that is lost between the first and the last state.
+    ``amplitudes`` has the share of the stiffness that is lost between the first and the last state.
     """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return a measure of the size of the load in each of K states, (K,).
-
-    The measure is the sum of two ratios: the field divided by the largest field of all states, and the tip force
-    divided by the largest tip force.
-    """
+    """Return the size of the load in each of K states, (K,): field plus tip force, each divided by its largest size."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return whether the load increased or decreased before each of K states: 1 or -1, (K,).
-
-    The size of the load is the sum of field and tip force, each divided by its largest value. If it does not change,
-    the direction of the state before is repeated. The first state counts as an increase.
-    """
+    """Return 1 for each of K states whose load was reached by an increase, and -1 after a decrease, (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -71,22 +63,20 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with an increase in those states in which the load was decreased (hysteresis).
+    """Return the loads with an increase that has the same effect as a beam that is softer while the load decreases.
 
-    The beam is assumed softer in these states, and bends as under larger loads. ``amplitudes`` has one number: the
-    share of the stiffness that is missing in these states.
+    ``amplitudes`` has the share of the stiffness that is missing in these states.
     """
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a field whose strength varies in space, linearly and quadratically.
+    """Return the loads with a magnetic field whose strength varies in space.
 
-    A gradient is the relative change of the field strength per metre. ``amplitudes`` has three gradients. The first two
-    are constant in space, along and across the straight beam. The third describes the quadratic change along the axis
-    of the coil. Its gradient is zero at the magnet of the straight beam and increases linearly with the distance along
-    this axis; the third number is its value at 10 mm.
+    ``amplitudes`` has the relative change of the strength per metre along the beam, across the beam, and along the axis
+    of the coil at a distance of 10 mm from the magnet.
     """
+    # The third gradient is zero at the magnet of the straight beam and increases linearly along the axis of the coil.
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 
 

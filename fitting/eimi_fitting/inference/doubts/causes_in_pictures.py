@@ -1,7 +1,7 @@
 """List the possible causes of residuals that belong to the camera or to the calibration of its pictures.
 
-A cause is a possible error of a bench (`inference.doubts.possible_causes`). These causes displace the measured points,
-and do not bend the beam differently. A wrong direction of the beam in the picture also changes the loads.
+A cause is a possible error of the test bench. These causes displace the measured points, and do not bend the beam
+differently. A wrong direction of the beam in the picture also changes the loads.
 """
 
 from __future__ import annotations
@@ -26,16 +26,12 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
     """Return a function that corrects the measured points of an experiment for an error of the picture.
 
-    ``displacement`` takes an experiment, positions (x, y) in mm and the sizes of the error, and returns the
-    displacements of the positions by the error. The displacement of the clamp is subtracted from them, because
-    positions are measured from the clamp.
-
-    If the clamp was measured in another picture, its displacement should not be subtracted. The error then has two
-    further sizes, with the indices ``shift`` and ``shift + 1``: a shift of all points in x and in y in mm.
+    ``displacement`` is the function that computes how this error displaces given points, in mm.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
         experiment, places = assumed.experiment, _measured(assumed.experiment)
+        # Positions are measured from the clamp. If it is in another picture, two further amplitudes shift all points.
         by = displacement(experiment, places, amplitudes) - displacement(experiment, np.zeros(2), amplitudes)
         if shift is not None:
             by = by + amplitudes[shift : shift + 2]
@@ -53,9 +49,9 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return the point (x, y) at which the axis of the lens meets the plane of the beam, (2,) in mm.
+    """Return the point (x, y) in mm where the axis of the lens meets the plane of the beam.
 
-    If the axis is not known, return the middle of the measured points that the fit uses.
+    If the axis is not known, return the middle of the measured points.
     """
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
@@ -71,18 +67,13 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the positions ``places`` by a radial distortion of the lens.
-
-    Positions (x, y) in mm and displacements have the shape (..., 2). Let R be the distance of the farthest measured
-    point from the assumed axis of the lens, and r the vector from the true axis to a position. The position is
-    displaced by k |r|^2 / R^2 times r. ``amplitudes`` has three numbers. The first is k, the relative distortion at the
-    distance R. The other two are the displacement of the true axis from the assumed axis in x and y, times k / R. If
-    this displacement exceeds 2 R, only the terms that are linear in the amplitudes are kept.
-    """
+    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens."""
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
     farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
     share = (places - centre) / farthest_mm
+    # The first amplitude is the relative distortion at the farthest point. The other two are the displacement of the
+    # axis, times the first, divided by the distance of this point. A large displacement is only counted linearly.
     if float(np.linalg.norm(off_centre)) <= _FARTHEST_AXIS * abs(radial) and radial:
         from_axis = share - off_centre / radial
         return np.asarray(farthest_mm * radial * (from_axis**2).sum(axis=-1, keepdims=True) * from_axis)
@@ -92,10 +83,9 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm, (..., 2), of positions (x, y) in mm by two tilts of the camera.
+    """Return the displacements in mm of the points ``places`` in a picture if the camera is tilted about two axes.
 
-    ``amplitudes`` has both tilts in degrees. A positive first tilt brings the points at larger x nearer to the camera,
-    and a positive second tilt the points at larger y.
+    ``amplitudes`` has the two angles in degrees.
     """
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
@@ -103,9 +93,9 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm, (..., 2), of positions (x, y) in mm if the beam is farther from the camera.
+    """Return the displacements in mm of the points ``places`` in a picture if the beam is farther from the camera.
 
-    The first number of ``amplitudes`` is the distance in mm of the beam behind the plane of the calibration.
+    The first number of ``amplitudes`` is the additional distance in mm.
     """
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 

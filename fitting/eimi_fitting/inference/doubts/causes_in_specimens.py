@@ -1,6 +1,6 @@
 """List possible causes of residuals: a wrong shape, twist or clamping of the specimen, or a wrong law of its material.
 
-A cause is an assumption of a fit that may be wrong (`inference.doubts.possible_causes`).
+A cause is an assumption of a fit that may be wrong.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, in which the width of the beam varies along the beam.
+    """Return the assumptions of a fit, with a width that varies along the beam.
 
     ``amplitudes`` has two numbers in mm: the change of the width from the clamp to the end of the flexible part, and
     the width at both ends minus the width in the middle.
@@ -34,10 +34,9 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, in which the measured edges are corrected for a twist of the beam.
+    """Return the assumptions of a fit, with measured edges that are corrected for a twist of the beam by its magnet.
 
-    The magnet twists the beam if its moment points out of the plane of the picture. ``amplitudes`` has one number: the
-    angle between moment and plane in degrees.
+    ``amplitudes`` has the angle in degrees between the magnetic moment and the plane of the picture.
     """
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
@@ -52,10 +51,10 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, in which the strain energy has two more terms: (I1 - 3)^2 and I2 - 3.
+    """Return the assumptions of a fit, with two more terms in the strain energy of the material.
 
-    ``amplitudes`` has the coefficients of the two terms, as shares of the initial shear modulus. The initial shear
-    modulus stays the same. Only Neo-Hookean, Mooney-Rivlin and Yeoh laws are changed.
+    The terms are proportional to (I1 - 3)^2 and I2 - 3, where I1 and I2 are the first two invariants of the
+    deformation.
     """
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed

@@ -45,7 +45,7 @@ _CONTRADICTS = 3.0  # standard deviations
 
 
 class NotExplained(Exception):
-    """The exception for a fit whose best candidate does not explain the edges of one state.
+    """The exception for a fit whose best parameters do not explain the measured edges under one load (state).
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class NotExplained(Exception):
     deflection_mm : float
         Largest measured deflection of the experiment in mm.
     curves : bool
-        Whether the fit contains tensile curves. Tensile curves may be the reason for the large error.
+        Whether the fit contains tensile curves, which may be the reason for the large error.
     """
 
     def __init__(
@@ -102,29 +102,26 @@ def check_explained(
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
-    """Raise an exception if the beam model does not explain one of the states.
+    """Raise an exception if the beam model does not explain the measured edges under one of the loads (states).
 
     Parameters
     ----------
     final : Comparison
-        The residuals of several candidates (sets of values of the unknowns). The first candidate is the optimum.
+        The residuals for several sets of parameters, the optimum first.
     experiments : sequence of Experiment
-        The experiments, in the order of the misfits in `final`.
+        The experiments, in the same order as in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the root mean square residuals of the K states in mm that remain if the clamp may be
-        displaced in the picture. A state is checked with these residuals if they are smaller, so that a fit with a
-        displaced clamp is not refused.
+        For each experiment, the root mean square residuals of the K states in mm if the clamp may be displaced in the
+        picture. A state is checked with these residuals if they are smaller.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
-        Whether tensile curves or priors contradict the optimum so strongly that its objective, the number that the fit
-        minimises, is nearly as large as for a beam that cannot be simulated. Every state then counts as not explained.
+        Whether tensile curves or priors contradict the optimum so strongly that no state counts as explained.
 
     Raises
     ------
     NotExplained
-        If the beam model does not explain a state. The exception names the worst state of the first experiment with
-        such a state.
+        If the beam model does not explain a state.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
@@ -161,23 +158,21 @@ DoubtKind = Literal[
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to distrust the result of a fit: of the whole fit, a dataset, a state or a tensile curve.
+    """A reason to distrust the result of a fit.
 
     Parameters
     ----------
     words : str
-        The doubt as an English text for people. Programs use `kind` instead.
+        The reason as an English text for people.
     dataset, state, curve : int, optional
-        Index of the dataset, index of the state in this dataset, and index of the tensile curve, counted from 0. An
-        index is None if the doubt does not concern this object. All three are None if the doubt concerns the fit as a
-        whole.
+        Index of the dataset, index of the state in this dataset, and index of the tensile curve that the doubt
+        concerns, counted from 0; None if the doubt does not concern such an object.
     modulus_percent : tuple of float, optional
-        Smallest and largest change of the initial shear modulus in per cent, compared with the fit, if the doubt is
-        right; None if the change is not known.
+        Smallest and largest change of the initial shear modulus in per cent if the doubt is right; None if not known.
     short : str
         The doubt in few words for the first line of a result; empty if there are none.
     kind : DoubtKind, optional
-        Subject of the doubt; None if the doubt was loaded from a file, which does not store the subject.
+        Subject of the doubt, for programs; None for a doubt from a file, which does not store the subject.
     """
 
     words: str
@@ -190,11 +185,11 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """The exception for a fit to a single state if this state does not determine the initial shear modulus."""
+    """The exception for a fit to a single load (state) that does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise an exception if there is only one state and this state does not determine the initial shear modulus.
+    """Raise an exception if there is only one load (state) and it does not determine the initial shear modulus.
 
     Raises
     ------
@@ -211,9 +206,7 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a warning (doubt) for each tensile curve that the joint fit describes badly.
-
-    The residuals of such a curve are more than three times those of a fit to this curve alone.
+    """Return a warning (doubt) for each tensile curve that a fit to beams and tensile curves describes badly.
 
     Parameters
     ----------
@@ -239,10 +232,9 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a doubt for each prior that differs by more than three standard deviations from the other evidence.
+    """Return a warning (doubt) for each prior that differs by more than three standard deviations from all other data.
 
-    A doubt is a reason to distrust the fit. ``distances`` has one number for each prior: the difference between the
-    prior and the value that the other evidence (edges, tensile curves, other priors) gives, in standard deviations.
+    ``distances`` has this difference in standard deviations for each prior.
     """
     return tuple(
         Doubt(
@@ -256,12 +248,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a doubt (reason to distrust the fit) for each mistake that was found in the stated loads.
-
-    ``slips`` are the mistakes, such as a reversed field. A mistake counts as found if its correction reduces the error
-    to less than 0.4 of the error with the stated loads. The error is the mean over the states of the root mean square
-    residual in mm.
-    """
+    """Return a warning (doubt) for each mistake that was found in the stated loads, such as a reversed field."""
     return tuple(
         Doubt(
             f"check the loads in the files for {slip.words}: without this mistake the mean error would be about "
@@ -280,28 +267,25 @@ def doubts(
     is_named: bool = False,
     is_as_stated: bool = False,
 ) -> tuple[Doubt, ...]:
-    """Return the doubts (reasons to distrust the fit) that the residuals of the optimum cause.
+    """Return the warnings (doubts) about a fit that follow from its residuals.
 
     Parameters
     ----------
     final : Comparison
-        The residuals of several candidates (sets of values of the unknowns). The first candidate is the optimum.
+        The residuals for several sets of parameters, the optimum first.
     experiments : sequence of Experiment
-        The experiments, in the order of the misfits in `final`.
+        The experiments, in the same order as in `final`.
     missing : sequence of str
         One sentence for each error that the intervals do not contain, such as the error of the mesh.
     is_named : bool
-        Whether the interval of the modulus contains the effect of the causes that explain the residuals. The doubt
-        about large residuals then does not warn that the intervals are too narrow.
+        Whether the interval of the modulus contains the effect of the errors that probably caused the residuals.
     is_as_stated : bool
         Whether deviations of the inputs within their stated uncertainties explain the residuals.
 
     Returns
     -------
     tuple of Doubt
-        One doubt for each sentence of ``missing``. One doubt for each dataset whose residuals exceed ten times the
-        stated uncertainty, unless deviations of inputs explain them. One doubt for each state whose error exceeds five
-        times the median error of all states.
+        The doubts; empty if there is none.
     """
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
@@ -324,7 +308,7 @@ def doubts(
 
 
 def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tuple[Experiment, Misfit]]:
-    """Yield each experiment together with its residuals, which ``final`` contains for all experiments."""
+    """Yield each experiment together with its residuals."""
     return zip(experiments, final.misfits, strict=True)
 
 
@@ -334,23 +318,16 @@ def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of the edges in K states in mm, shape (K,).
-
-    If a picture has a defect, such as blur, the uncertainty of its edges is increased. The noise does not contain this
-    increase, which could hide a wrong law.
-    """
+    """Return the stated noise of the measured points in each of K states in mm, (K,)."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
+        # Without the increase for a defect of the picture, such as blur, which could hide a wrong law.
         observed = replace(observed, sigma_mm=observed.noise_mm)
     return _stated_mm(replace(experiment, observed=observed), misfit)
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated uncertainty of the edges or tracked points in K states in mm, (K,), as a root mean square.
-
-    The mean is over the points that the fit uses. An uncertainty that was increased because of a defect of the picture
-    is included. A state without points has an infinite uncertainty.
-    """
+    """Return the root mean square of the stated uncertainties of the points in each of K states in mm, (K,)."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

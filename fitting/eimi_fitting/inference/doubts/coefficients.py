@@ -1,8 +1,7 @@
-"""Collect the unknown numbers of all hypotheses about the causes of residuals, and the effect of each on the residuals.
+"""Collect the unknown numbers that may explain the residuals of a fit, and the effect of each on the residuals.
 
-A cause is a possible error of the bench, and a hypothesis is a set of causes. The unknown numbers of a hypothesis are
-called coefficients: the sizes of its causes, changes of the law and deviations of inputs. Their effects are described
-by polynomials along each edge (`inference.doubts.edge_coefficients`).
+The unknown numbers are called coefficients: the sizes of possible errors of the test bench (causes), changes of the law
+and deviations of inputs. Their effects are described by polynomials along each edge.
 """
 
 from __future__ import annotations
@@ -27,30 +26,27 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The C coefficients (unknown numbers) of all hypotheses, and how each of them changes the N data.
+    """The unknown numbers that may explain the residuals of a fit, and how each of them changes the residuals.
 
-    A hypothesis is a set of causes (possible errors of the bench). The data describe the residuals by polynomials along
-    each edge. The coefficients are numbered in four blocks, in this order: changes of the law, deviations of inputs,
-    remaining errors of the corrections by better beam models, and amplitudes (sizes) of causes. Only the fourth block
-    depends on the causes of a hypothesis. The third block is not simulated.
+    They are numbered in this order: changes of the law, deviations of inputs, errors that better beam models leave, and
+    sizes of possible errors of the test bench (causes).
 
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change of the N data in mm by one prior standard deviation of each coefficient. The last row is zero; its index
-        stands for "no coefficient".
+        Change in mm of N polynomial coefficients of the residuals by one prior standard deviation of each of C numbers.
+        The last row is zero.
     scale : ndarray, shape (C + 1,)
-        Prior standard deviation of each coefficient; 1 for the last row.
+        Prior standard deviation of each number; 1 for the last row.
     law, simulated, common : int
-        Number of coefficients in the first block (``law``), in the first two blocks (``simulated``), and in the first
-        three blocks (``common``).
+        How many numbers belong to the first kind (``law``), to the first two kinds (``simulated``), and to the first
+        three kinds (``common``).
     of_inputs, of_causes : list of list of int
-        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the numbers of its coefficients.
+        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the indices of its numbers.
     columns : list of Column
-        The amplitudes of the inputs, then those of the causes. An amplitude is the size of one part of a deviation or
-        of a cause, such as a shift in x.
+        Descriptions of the numbers of the inputs, then of those of the causes.
     remaining : ndarray, shape (E, N)
-        Changes of the data in mm by the standard uncertainties of E corrections by better beam models.
+        Changes in mm by the standard uncertainties of E corrections by better beam models.
     """
 
     rows: Array
@@ -71,10 +67,7 @@ class Coefficients:
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> Coefficients:
-        """Collect the coefficients of all hypotheses about a fit, with their effects and prior standard deviations.
-
-        A hypothesis is a set of causes (possible errors of the bench). A coefficient is an unknown number, such as the
-        size of a cause.
+        """Collect the unknown numbers that may explain the residuals of a fit, with their effects and prior spreads.
 
         Parameters
         ----------
@@ -83,9 +76,9 @@ class Coefficients:
         project : Projection
             The map from residuals to polynomials along each edge.
         effects : sequence of Effect
-            The corrections by better beam models.
+            The corrections of the fit by better beam models.
         stated, columns_by_cause : mapping of PossibleCause to sequence of Column
-            For each uncertain input (``stated``) and each cause, its amplitudes: the sizes of its parts, such as x and
+            The numbers of each uncertain input (``stated``) and of each possible error of the test bench, such as x and
             y.
         """
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
@@ -122,16 +115,12 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return what the unknown number ``row`` is: the size of an error of the bench, or an input's deviation."""
+        """Return the description of one unknown number: a deviation of an input, or an error of the test bench."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive indices, from ``first`` on, for the unknown sizes of inputs' deviations or of causes.
-
-    ``columns`` has one element for each input or cause (possible error of the bench), with its unknown sizes, such as a
-    shift in x and in y. The result has the list of the indices of each element.
-    """
+    """Return consecutive indices, from ``first`` on, as one list for each element of ``columns``."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

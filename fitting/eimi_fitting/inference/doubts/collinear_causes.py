@@ -40,25 +40,25 @@ _LARGEST_CLASS = 3
 def classes(
     remaining: Array, amplitudes: Sequence[int], evidence: Array, negligible: NDArray[np.bool_]
 ) -> list[tuple[int, ...]]:
-    """Put causes (possible errors of the bench) that the residuals do not distinguish into one class.
+    """Group the possible errors of the test bench (causes) that the residuals do not distinguish.
 
     Parameters
     ----------
     remaining : ndarray, shape (1 + M, N)
-        The N residuals that remain, in units of the noise. The first row remains if no cause is present, and each
-        further row if only one of the M causes is present.
+        The N residuals that remain, in units of the noise: in the first row without a cause, and in each further row
+        with one of the M causes.
     amplitudes : sequence of int, length M
-        Number of amplitudes of each cause: the sizes of its parts, such as a shift in x and in y.
+        How many numbers describe each cause; two for a shift in x and y.
     evidence : ndarray, shape (M,)
-        Logarithm of the evidence (probability density of the residuals) if only this cause is present, for each cause.
+        Logarithm of the probability density of the residuals with each cause alone.
     negligible : ndarray of bool, shape (M,)
         Whether the size of each cause is negligible.
 
     Returns
     -------
     list of tuple of int
-        The indices of the causes in each class (group), the cause with the largest evidence first. Every cause belongs
-        to one class, which may have one member.
+        The indices of the causes in each group, the most probable first. Every cause belongs to one group, which may
+        have one member.
     """
     counts = np.asarray(amplitudes)
     explained = remaining[0] - remaining[1:]
@@ -83,28 +83,24 @@ def shared_equally(
     is_uncertain: NDArray[np.bool_],
     of_causes: Sequence[tuple[int, ...]],
 ) -> Array:
-    """Return the logarithms of the probabilities of hypotheses, shared equally between hypotheses that are alike.
-
-    A hypothesis is a set of causes (possible errors of the bench) that are present. A class is a group of causes that
-    the residuals do not distinguish. Two hypotheses are alike if one of them results from the other when a cause is
-    replaced by another cause of its class. Their probabilities are added and divided equally.
+    """Divide the probability equally between errors of the test bench (causes) that the residuals do not distinguish.
 
     Parameters
     ----------
     score : ndarray, shape (H,)
-        Logarithms of the probabilities of H hypotheses, before they are shared.
+        Logarithms of the probabilities of H sets of causes.
     hypotheses : sequence of tuple of int
-        For each hypothesis, the indices of its causes.
+        The sets of causes, each as indices of its causes.
     is_uncertain : ndarray of bool, shape (H,)
-        Whether each hypothesis assumes that the inputs are uncertain, as the files state, or exact. Hypotheses that
-        differ in this assumption are not alike.
+        Whether each set is combined with uncertain inputs (True) or with exact inputs. Probability is divided only
+        between sets with the same value.
     of_causes : sequence of tuple of int
-        The classes, each as indices of its causes.
+        The groups of causes that the residuals do not distinguish, as indices.
 
     Returns
     -------
     ndarray, shape (H,)
-        Logarithm of the probability of each hypothesis.
+        Logarithm of the new probability of each set.
     """
     number = {cause: i for i, members in enumerate(of_causes) for cause in members}
     groups: dict[tuple[bool, tuple[int, ...]], list[int]] = {}

@@ -27,25 +27,20 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """A deviation of an input within its stated uncertainty that can be recognised in the residuals.
-
-    The deviation belongs to a cause (a possible error of the bench). For example, a deviation of the scale within its
-    stated uncertainty belongs to the cause "wrong scale".
+    """A deviation of an input, within its stated uncertainty, that the residuals of a fit show.
 
     Parameters
     ----------
     cause : int
-        Index of this cause.
+        Index of the error in the list of possible errors of the test bench, such as "wrong scale" for the input scale.
     probability : float
         Probability that the deviation is present and not negligible.
     value : float
-        Size of the deviation in the unit of the cause. If it has several parts (such as x and y), the root of the sum
-        of their squares, with the sign of the largest part.
+        Size of the deviation in the unit of the error.
     moved : float
-        How far the deviation moves the first unknown of the law, which determines the modulus. The unknown is given as
-        a number from 0 to 1 between its bounds (unit coordinate).
+        Change of the first unknown of the law by the deviation. The unknown varies from 0 to 1 between its bounds.
     like : tuple of int
-        Indices of other causes that the residuals do not distinguish from this cause.
+        Indices of other errors that the residuals do not distinguish from this one.
     """
 
     cause: int
@@ -56,19 +51,18 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the deviations of inputs, within their stated uncertainties, that can be recognised in the residuals.
+    """Return the deviations of inputs, within their stated uncertainties, that the residuals of a fit show.
 
-    The key of a deviation is the index of the cause (possible error of the bench) to which the input belongs. A
-    hypothesis is a set of causes.
+    The keys are indices in the list of possible errors of the test bench (causes).
 
     Parameters
     ----------
     weighing : Weighing
-        The hypotheses about the residuals.
+        The sets of causes that are compared.
     posterior : Posterior
-        For each hypothesis, the probability density of the residuals and the sizes of causes and deviations.
+        The probability density of the residuals and the sizes of causes and deviations, for each set.
     base : int
-        Index of the most probable hypothesis. Its causes are not returned.
+        Index of the most probable set. Its causes are not returned.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):

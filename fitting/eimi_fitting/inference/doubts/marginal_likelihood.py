@@ -1,7 +1,4 @@
-"""Compute the evidence (probability density of the data) of linear Gaussian models of the same data.
-
-The equations are in `inference.doubts.causes`.
-"""
+"""Compute the evidence (probability density of the data) of linear Gaussian models of the same data."""
 
 from __future__ import annotations
 
@@ -18,20 +15,19 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
 
 @dataclass(frozen=True)
 class Posterior:
-    """The evidence of H linear Gaussian models (hypotheses), and the posterior of C coefficients in each hypothesis.
+    """The evidence (probability density of the data) of H linear Gaussian models, and their C coefficients.
 
     Parameters
     ----------
     log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence (probability density of the data) of each hypothesis. The evidence is averaged over
-        the size eta in mm of an error that no hypothesis explains.
+        Logarithm of the evidence of each model.
     means : ndarray, shape (H, C)
-        Posterior mean of each coefficient, divided by the prior standard deviation of the coefficient. Zero for a
-        coefficient that the hypothesis does not have.
+        Posterior mean of each coefficient, divided by its prior standard deviation; zero if the model does not have the
+        coefficient.
     squares : ndarray, shape (H, C)
-        Posterior mean of the square of each coefficient, divided by the prior variance of the coefficient.
+        Posterior mean of the square of each coefficient, divided by its prior variance.
     error_squared : ndarray, shape (H,)
-        Posterior mean of eta^2 in mm^2.
+        Posterior mean square in mm^2 of the error that the model does not explain.
     """
 
     log_evidence: Array
@@ -40,41 +36,38 @@ class Posterior:
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return evidence and coefficients of only some of the models (hypotheses)."""
+        """Return the evidence and the coefficients of some of the models."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the results (evidence and coefficients) of several groups of models (hypotheses), in the given order."""
+        """Join the evidence and the coefficients of several groups of models, in the given order."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence of H hypotheses and the posterior means of their coefficients.
+    """Return the evidence (probability density of the data) of H linear Gaussian models, and their coefficients.
 
-    A hypothesis is a linear Gaussian model: the N data are a sum of some rows of ``columns``, each times an unknown
-    standard normal number, plus noise and an unexplained error. Its evidence is the probability density of the data
-    under the model.
+    In each model, the N data are a sum of some rows of ``columns``, each times an unknown standard normal number, plus
+    noise and an unexplained error.
 
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        One row for each coefficient: the change of the N data by the coefficient, times the prior standard deviation of
-        the coefficient. The last row is zero.
+        Change of the N data by one prior standard deviation of each coefficient. The last row is zero.
     members : ndarray, shape (H, q)
-        Indices of the rows of ``columns`` that belong to each hypothesis. A hypothesis with fewer than q columns is
-        filled up with the index of the last row.
+        Indices of the rows of ``columns`` that belong to each model, filled up with the index of the last row.
     y : ndarray, shape (H, N)
-        The N data that each hypothesis explains: minus the residuals.
+        The N data that each model explains.
     noise, error : ndarray, shape (N,)
-        Variance of each datum due to noise (``noise``), and variance due to an unexplained error of the size 1 mm
-        (``error``). The true size eta of this error is unknown, and the evidence is averaged over eta.
+        Variance of each datum due to noise (``noise``), and due to an unexplained error of the size 1 mm (``error``).
+        The true size of this error is unknown.
 
     Returns
     -------
     Posterior
-        Evidence and coefficients of the H hypotheses.
+        Evidence and coefficients of the H models.
     """
     common, own = _common(members)
     h, q = members.shape
@@ -110,11 +103,7 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Separate the coefficients that all H models have from those that differ between the models.
-
-    A row of ``members`` (H, q) has the indices of the coefficients of one model. The results are the indices of the
-    first c columns, which are equal in all rows, (c,), and the other columns, (H, q - c).
-    """
+    """Return the indices of the coefficients that all models have, (c,), and of the other coefficients, (H, q - c)."""
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]
     return members[0, :first], members[:, first:]

@@ -49,26 +49,29 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return the estimate of a fit with new intervals, in which residuals of the probable causes are not noise.
-
-    A cause is a possible error of the bench, such as a tilted camera. Its residuals are similar in many points. If they
-    counted as noise, the intervals would be far too wide or too narrow.
+    """Return the result of a fit with intervals that do not count the effect of probable errors of the bench as noise.
 
     Parameters
     ----------
-    problem, optimum, effects, refinements, seed
-        See `inference.interval.estimate.estimate`.
+    problem : Problem
+        The law, the unknowns and the measurements of the fit.
+    optimum : Optimum
+        The optimum of the fit.
+    effects : sequence of Effect
+        The corrections of the fit by better beam models.
     weighed : Weighed
-        The possible causes of the residuals.
+        The possible errors of the test bench with their probabilities.
     before : Estimate
-        The estimate that counts all residuals as noise.
+        The result with intervals that count all residuals as noise.
+    refinements : sequence of str
+        Names of all corrections by better beam models that were tried.
+    seed : int
+        Seed of the random draws.
 
     Returns
     -------
     Estimate or None
-        The estimate, or None if ``before`` stays valid. This is so if the fit has taken all probable causes into
-        account, if the causes explain less than half of the mean error (`remaining_error_mm`), or if one of the most
-        probable causes is a choice of the user: the law, or a planar model of a solid section.
+        The new result, or None if ``before`` stays valid.
     """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
@@ -101,10 +104,9 @@ def estimate_beside(
 
 
 def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
-    """Return the mean error in mm that would remain if a fit took the most probable causes into account.
+    """Return the mean error in mm of a fit after a correction for the most probable errors of the test bench.
 
-    A cause is a possible error of the bench. The mean error is the mean over the states of the root mean square
-    residual. None if it is not known.
+    The mean is over the root mean square residuals of the states. None if it is not known.
     """
     if weighed.remaining is None:
         return None
@@ -116,10 +118,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval of the modulus is wide enough for each of several changes of the modulus in %.
-
-    It is wide enough if the modulus after the change still lies in the interval.
-    """
+    """Return whether the 95 % interval still contains the modulus after each of several changes in per cent."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 
@@ -127,11 +126,7 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
 def _with_changes(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Add changes to the residuals of a problem and of its optimum, and return both.
-
-    ``changes`` has the changes in mm for each experiment, with the shape (K, G, m) for G groups (edges, or x and y) of
-    m points in K states.
-    """
+    """Add changes in mm, one array for each experiment, to the residuals of a fit and of its optimum; return both."""
     experiments = tuple(
         replace(e, change=change if e.change is None else e.change + change)
         for e, change in zip(problem.experiments, changes, strict=True)

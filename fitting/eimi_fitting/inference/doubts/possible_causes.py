@@ -39,9 +39,8 @@ class Assumed:
     experiment : Experiment
         The experiment with a planar model.
     deviations : tuple of (str, int, float)
-        One entry for each uncertain number that differs from its stated value: the source of the number (a key of
-        `SOURCES`), its index among the parts of the source (such as x and y), and its deviation in the unit of the
-        source.
+        Each number that differs from its stated value: the name of the input, the index of the number (0 for x, 1 for
+        y), and the deviation in the unit of the input.
     """
 
     law: Law
@@ -52,10 +51,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the assumed deviations of specimen, loads and lens.
-
-        A deviation that only multiplies the field by a factor is not included; `setup` contains this factor.
-        """
+        """The experiment with the assumed deviations of specimen, loads and lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -64,7 +60,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """How the assumed deviations of inputs change the strength of the field and the picture of the beam."""
+        """The effect of the assumed deviations of inputs on the field strength and on the picture of the beam."""
         return Setup.of(self.deviations, 1)
 
 
@@ -73,32 +69,31 @@ Change = Callable[[Assumed, Array], Assumed]
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """One possible error of a bench, described by one or more amplitudes.
+    """One possible error of a test bench, described by one or more numbers, such as a shift in x and in y.
 
     Attributes
     ----------
     name : str
-        Name of the cause in `fits.json`.
+        Name of the error in `fits.json`.
     words : str
-        Name of the cause for people.
+        Name of the error for people.
     unit : str
-        Unit of the amplitudes; ``"1"`` for a share.
+        Unit of the numbers; ``"1"`` for a share.
     sizes : tuple of float
-        Standard deviation of the prior of each amplitude, the usual size of the error in a laboratory.
+        Usual size of each number in a laboratory, as a standard deviation.
     change : callable or None
-        Takes the assumptions of a fit and the amplitudes, and returns the assumptions with this cause. None for a
-        planar model of a solid section, whose effect is computed with a three-dimensional model.
+        Takes the assumptions of a fit and the numbers, and returns the assumptions with this error. None for the error
+        of a planar model, which a three-dimensional model gives.
     decide_by : str
-        The measurement that decides whether the cause is present.
+        The measurement that decides whether the error is present.
     source : str
-        The name of the uncertain input whose deviation is the same error, such as "scale" (a key of `SOURCES`); empty
-        if there is none.
+        Name of the uncertain input whose deviation is the same error, such as "scale"; empty if there is none.
     parts_of : tuple of str
-        Further sources that are parts of the same quantity, such as the coil constant and the remanence for the moment.
+        Names of further inputs that are parts of the same quantity, such as the coil constant for the moment.
     is_common : bool
-        Whether all datasets share one amplitude.
+        Whether all datasets share one error.
     shown : int or None
-        Number of amplitudes, from the first, that enter the reported value of the cause. None for all amplitudes.
+        How many of the numbers, from the first, enter the reported size. None for all.
     """
 
     name: str
@@ -114,17 +109,15 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The names of the uncertain inputs that are wrong if this cause is present; empty if there is none."""
+        """The names of the inputs that are wrong if this error is present; empty if there is none."""
         return (self.source, *self.parts_of) if self.source else ()
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
 
-    The function takes the assumptions and the amplitudes (sizes) of a cause, an error of the bench. ``parts`` has one
-    dictionary for each amplitude. A key is an uncertain number: the name of an input (a key of `SOURCES`) and the
-    index of the number among the parts of this source. Its value is the deviation of the number for an amplitude of 1.
-    Example: with an amplitude of 1 mm for a soft clamp, the beam is 1 mm longer and the clamp lies at x = -1 mm.
+    Each dictionary of ``parts`` has the deviations for an error of the size 1. A key is the name of an input with the
+    index of the number, such as ``("clamp", 0)`` for x.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -142,10 +135,9 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 def of_source(
     name: str, source: str, sizes: tuple[float, ...], decide_by: str, parts_of: tuple[str, ...] = ()
 ) -> PossibleCause:
-    """Return the cause ``name`` (a possible error of the bench) that consists of deviations of one uncertain input.
+    """Return a possible error of the test bench that is a deviation of one uncertain input.
 
-    ``source`` is the name of the input, such as "scale" (a key of `SOURCES`). For ``sizes``, ``decide_by`` and
-    ``parts_of``, see `PossibleCause`.
+    ``source`` is the name of the input, such as "scale", and ``sizes`` are the usual sizes of the deviation.
     """
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]

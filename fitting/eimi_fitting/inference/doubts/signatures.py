@@ -1,9 +1,8 @@
-"""Compute how each possible error of a bench (a cause) changes the residuals of a fit: the signature of the cause.
+"""Compute how each possible error of a test bench (a cause) changes the residuals of a fit: the signature of the cause.
 
-A cause has one or several amplitudes. The signature is the change of the residuals in mm divided by the amplitude. The
-signature is a finite difference, computed with the planar model on the coarse mesh of the search. The model is not
-solved again for a cause that changes only the picture. One cause is a planar model of a solid section. Only its
-signature is computed with a three-dimensional model.
+A cause is described by one or several numbers, such as a shift in x and in y. The signature is the change of the
+residuals in mm divided by the number. It is computed by finite differences with the planar model on the coarse mesh of
+the search.
 """
 
 from __future__ import annotations
@@ -44,26 +43,22 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """One amplitude of a possible cause of residuals, with the signature of the amplitude.
-
-    A cause is a possible error of the bench. An amplitude is its size. The signature is the change of the residuals in
-    mm for an amplitude of one.
+    """One number of a possible error of the test bench (such as its part in x), with its effect on the residuals.
 
     Parameters
     ----------
     part : int
-        Index of the amplitude among the amplitudes of the cause.
+        Index of the number among the numbers of the error.
     datasets : tuple of int
-        Indices of the datasets that share the amplitude.
+        Indices of the datasets that share the number.
     size : float
-        Standard deviation of the prior of the amplitude.
+        Prior standard deviation of the number.
     start : float
-        The size that the fit already assumes for this error; zero unless the uncertain input was freed (determined by
-        the fit) or measured.
+        Size of the number that the fit already assumes.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm for an amplitude of one, with the shape (K, G, m) for G
-        groups (edges, or x and y) of m points in K states. None if the cause does not belong to the experiment or the
-        model finds no equilibrium.
+        For each experiment, the change of the residuals in mm per unit of the number, (K, G, m): m points on each of G
+        edges (or in x and y) in K states. None if the error does not belong to the experiment or the model finds no
+        equilibrium.
     """
 
     part: int
@@ -75,10 +70,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The assumptions of a fit about one experiment, with the simulated shapes of the beam and the residuals in mm.
-
-    The assumptions are the law, the loads, and the deviations of inputs from their stated values.
-    """
+    """The law, loads and inputs that a fit assumes for one experiment, with the simulated beam and its residuals."""
 
     assumed: Assumed
     bent: Experiment
@@ -89,9 +81,7 @@ class Solved:
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
         """Simulate the beam under the assumptions of a fit, and compute its residuals.
 
-        The solver starts from the shapes of ``before``. If ``assumed`` and ``before`` differ only in the picture, the
-        shapes of ``before`` are used without a new solution. The result is None if no equilibrium is found, or if the
-        deviations make the specimen invalid.
+        The result is None if no equilibrium is found or the assumed specimen is invalid.
         """
         try:
             return Solved._of(assumed, before)
@@ -123,10 +113,6 @@ class Solved:
     def between_ends(self) -> Array:
         """Return 1 for a measured edge point that is far enough from both ends of the simulated edge, else 0.
 
-        Points near the ends are left out, because a small error of the bench, such as a shift of the clamp, may place
-        them beyond the end. Beyond the end, the distance from the edge is not a smooth function of the place of the
-        point. The effect of the error on this distance, which is computed as a finite difference, would then be wrong.
-
         Returns
         -------
         ndarray, shape (K, 2, m) or ()
@@ -141,6 +127,7 @@ class Solved:
         is_between = np.ones(points.shape[:-1], bool)
         clamp, tip = curves[..., 0, :, :], curves[..., -1, :, :]
         for inner, end, share in ((clamp[..., 1, :], clamp[..., 0, :], _CLAMP), (tip[..., 1, :], tip[..., 2, :], _TIP)):
+            # A small error may place a point near an end beyond it, where the distance from the edge is not smooth.
             margin_mm = share * self.bent.model.specimen.length_mm
             outward = (end - inner) / np.linalg.norm(end - inner, axis=-1, keepdims=True)
             from_end = points - end[..., None, :]
@@ -162,33 +149,28 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """The optimum of a fit, with the simulations and slopes from which the signatures of causes are computed.
-
-    A cause is a possible error of the bench. Its signature is the change of the residuals that it produces.
+    """The optimum of a fit, with the derivatives for a comparison of possible errors of the test bench (causes).
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        The optimum in unit coordinates (0 to 1).
+        Values of the unknowns at the optimum, from 0 to 1 between their bounds.
     kept : ndarray of int, shape (l,)
-        Indices of the l coordinates that vary under every hypothesis (set of causes): the coordinates of the law, and
-        the freed inputs (determined by the fit) that are not among the possible causes.
+        Indices of the l unknowns that are no cause: those of the law, and some uncertain inputs.
     law_spread : ndarray, shape (l,)
-        Prior standard deviation of each of the l coordinates ``kept``.
+        Prior standard deviation of each of these unknowns.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals in the l coordinates, in mm, for G groups (edges, or x and
-        y) of m points in K states.
+        For each experiment, the derivatives of the residuals in these unknowns, in mm: m points on each of G edges (or
+        in x and y) in K states.
     residuals, used : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
-        comparison uses. Points of an edge near its ends are not used.
+        comparison uses.
     in_error : tuple of ndarray, shape (K, G, m)
-        For each experiment, weights that are positive for the points from which the error of a state is computed.
-        Points near the ends of an edge are included here, so that a fit with large residuals there is still refused.
+        For each experiment, weights that are positive for points from which the error of a state is computed.
     solved : tuple of Solved
-        For each experiment, the simulation at the optimum on the coarse mesh (the mesh of the search). Empty if an
-        experiment has no equilibrium.
+        For each experiment, the simulation at the optimum. Empty if an experiment has no equilibrium.
     """
 
     problem: Problem
@@ -205,8 +187,7 @@ class About:
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
         """Simulate the optimum of a fit, and return it with its residuals and their derivatives in the unknowns.
 
-        An unknown may be an uncertain input whose error is one of ``causes``. The derivatives in this unknown are left
-        out, because such an error is studied as a cause of the residuals.
+        An unknown that is one of the possible errors of the test bench (``causes``) is left out of the derivatives.
         """
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
@@ -234,9 +215,9 @@ class About:
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """For each experiment, the simulation of the optimum on the mesh that the fit used at its end.
+        """The simulations of the optimum on the final mesh of the fit, one for each experiment.
 
-        An entry is None if the beam has no equilibrium. The other simulations of this class use a coarser mesh.
+        None stands for an experiment without an equilibrium.
         """
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
@@ -244,10 +225,9 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the size that the fit of one dataset has assumed for one part of a cause (error of the bench).
+        """Return the size of an error of the test bench that was measured before the fit; 0 if it was not measured.
 
-        The size is 0 unless the quantity of the cause was measured. For a measured quantity, it is the measured
-        deviation from the stated value, plus the further deviation that the fit has determined if this input was freed.
+        A further deviation that the fit has determined is added.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
@@ -256,10 +236,9 @@ class About:
         return start + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the deviation of one uncertain number that the fit of a dataset has determined; 0 if it was not freed.
+        """Return the deviation of an input from its stated value that the fit has determined; 0 if it was no unknown.
 
-        ``source`` is the name of an input, such as "clamp" (a key of `SOURCES`), and ``part`` the index of the number
-        among its parts, such as x and y.
+        ``source`` is the name of the input, such as "clamp", and ``part`` the index of the number: 0 for x, 1 for y.
         """
         return sum(
             float(nuisance.value(self.unit[column]))
@@ -269,31 +248,29 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether an error of the bench of the given size changes at least one residual by a noticeable amount.
+        """Return whether an error of the test bench of the given size changes at least one residual noticeably.
 
-        ``changes`` has, for each experiment, the changes of the residuals in mm by an error of the size one, or None.
+        ``changes`` has the changes of the residuals in mm by an error of the size 1, or None, for each experiment.
         """
         return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Return the residuals in mm of each experiment for changed unknowns and for given amplitudes of causes.
-
-        A cause is a possible error of the bench, and its amplitudes are the sizes of this error.
+        """Return the residuals of each experiment in mm for changed unknowns and given errors of the test bench.
 
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Changes of l unknowns (``kept``): the coordinates of the law, and those freed inputs that are no cause.
+            Changes of the l unknowns that are no possible error of the test bench.
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            Amplitudes of each cause, counted from the stated values.
+            Size of each error, counted from the stated values.
 
         Returns
         -------
         list of ndarray or None
-            The residuals, shape (K, G, m), of G groups (edges, or x and y) of m points in K states. None if the model
-            finds no equilibrium, or if a cause of this amplitude leaves no positive width.
+            The residuals, shape (K, G, m): m points on each of G edges (or in x and y) in K states. None if the model
+            finds no equilibrium or the specimen is invalid.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -322,10 +299,9 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return the law, the loads and the deviations of inputs that a candidate assumes for one dataset.
+    """Return the law, the loads and the deviations of inputs that belong to given values of the unknowns of a fit.
 
-    A candidate is a set of values of the unknowns; ``unit`` has its n unit coordinates (0 to 1), shape (n,). The planar
-    model ``model`` replaces the model of the experiment.
+    ``unit`` (n,) has the values of the n unknowns, from 0 to 1 between their bounds.
     """
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
@@ -338,10 +314,9 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return each amplitude (size) of a cause with its signature; empty if the cause does not change the residuals.
+    """Return the effects of an error of the test bench on the residuals; empty if it does not change them.
 
-    A cause is a possible error of the bench. The signature is the change of the residuals in mm for an amplitude of
-    one.
+    There is one `Column` for each number of the error, such as a shift in x.
     """
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
@@ -357,10 +332,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets in which a cause (a possible error of the bench) has one common size.
-
-    Each group is given with the stated standard uncertainty of the size, or 0 if no uncertainty is stated.
-    """
+    """Return the groups of datasets that share one error, each with the stated uncertainty of the error or 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -371,11 +343,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm if one amplitude of a cause is 1; None without an equilibrium.
-
-    A cause is a possible error of the bench, and an amplitude is its size. The shape is (K, G, m) for G groups (edges,
-    or x and y) of m points in K states.
-    """
+    """Return the change of the residuals in mm per unit of an error of the test bench; None without an equilibrium."""
     if cause.change is None:
         return _as_solid(here)
     sides = []
@@ -391,8 +359,7 @@ def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Arr
 def _as_solid(here: Solved) -> Array | None:
     """Return the change of the residuals in mm if a three-dimensional model replaces the planar model.
 
-    The shape is (K, G, m) for G groups (edges, or x and y) of m points in K states. The result is None if the fit
-    already uses a three-dimensional model, if this model does not support the specimen, or if it has no equilibrium.
+    The result is None if the three-dimensional model is already in use or does not give a result.
     """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":

@@ -1,9 +1,6 @@
 """Compute how the inputs with a stated or assumed uncertainty change the residuals of a fit.
 
-A hypothesis about the residuals is a set of possible errors of the bench. An input with a stated standard uncertainty
-is uncertain under every hypothesis, as it is in the interval of the fit (`inference.interval.considered`). An input
-that the fit has determined (a freed input) is uncertain, too, with the prior of the fit. A deviation of such an input
-within its uncertainty is no error of the bench.
+A deviation of such an input within its uncertainty counts as no error of the test bench.
 """
 
 from __future__ import annotations
@@ -21,18 +18,15 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
     """Return how a deviation of each uncertain input of a fit would change the residuals.
 
-    The effect of each input is described as for an error of the bench, so that both can be compared. A key of the
-    result is a `PossibleCause` with the name of the input (a key of `SOURCES`). Its value has one `Column` for each
-    number of the input, such as x and y: the change of the residuals in mm for a deviation of one. An input that was
-    measured, such as the shape at rest, is left out.
+    A key of the result is the name of the input, as a `PossibleCause`. An input that was measured is left out.
 
     Parameters
     ----------
     about : About
         The optimum of the fit.
     possible : sequence of PossibleCause
-        The possible errors of the bench. An input that the fit has determined (a freed input) is left out unless its
-        error is one of them.
+        The possible errors of the test bench. An input that the fit has determined is left out unless it is one of
+        them.
     """
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):

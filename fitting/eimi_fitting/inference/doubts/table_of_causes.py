@@ -1,7 +1,4 @@
-"""List all possible causes of residuals that a fit compares.
-
-A cause is a possible error of a bench (`inference.doubts.possible_causes`).
-"""
+"""List all possible errors of a test bench (causes of residuals) that a fit compares."""
 
 from __future__ import annotations
 

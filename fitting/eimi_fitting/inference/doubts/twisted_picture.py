@@ -24,28 +24,21 @@ _ACCURACY_MM = 1e-3
 def without_twist(
     experiment: Experiment, bent: Experiment, law: Law, parameters: Array, angle_deg: float
 ) -> Experiment:
-    """Return an experiment with the edges that a camera would see without the twist of the beam.
-
-    At each place on the middle line, the twist phi is ``angle_deg`` times the twist for a unit angle, computed by
-    `beam.twist`. A section of width w and depth d that is turned by phi has the width w cos phi + d |sin phi| in the
-    picture. The twist thus makes the picture of the beam wider by w (cos phi - 1) + d |sin phi|. Each edge is moved
-    inward by half of this increase.
+    """Return an experiment whose measured edges are corrected for the twist of the beam by its magnet.
 
     Parameters
     ----------
     experiment : Experiment
-        The experiment with the measured edges. It is returned unchanged if it has tracked points in place of edges, if
-        the specimen has no magnet, or if the model finds no equilibrium.
+        The experiment with the measured edges. It is returned unchanged without edges, magnet or equilibrium.
     bent : Experiment
-        The same experiment with the assumed deviations of its inputs. Its model and loads give the bent shape.
+        The same experiment with the assumed deviations of its inputs.
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (1, n)
         The n parameters of the law.
     angle_deg : float
-        Angle of the magnetisation to the plane of the picture in degrees. In reality the increase is the same for both
-        signs of the angle. Here, d |sin phi| is subtracted for a negative angle, so that the edges move outward. The
-        displacement of the edges is then nearly proportional to the angle, which the comparison of causes needs.
+        Angle between the magnetic moment and the plane of the picture in degrees. The edges move outward if it is
+        negative.
     """
     specimen, observed = bent.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:
@@ -55,6 +48,8 @@ def without_twist(
         return experiment
     middle, per_tilt = twisted
     twist_rad, width, depth = np.radians(angle_deg) * per_tilt, specimen.width_mm, specimen.depth_mm
+    # A section that is turned by phi has the width w cos phi + d |sin phi| in the picture. For a negative angle, the
+    # increase by d is subtracted, so that the displacement of the edges is nearly proportional to the angle.
     wider_mm = 0.5 * (width * (np.cos(twist_rad) - 1) + np.copysign(depth * np.abs(np.sin(twist_rad)), angle_deg))
     direction = np.gradient(middle, axis=1)
     spacing_mm = np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -72,21 +67,19 @@ def without_twist(
 
 
 def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist of the beam at the magnet in K states, (K,), for a small tilt of the magnet's moment.
+    """Return the twist of the beam at the magnet in K states, (K,), divided by the small tilt of its magnetic moment.
 
-    The tilt is the angle of the moment to the plane of the picture, and the result is the twist divided by the tilt.
-    ``bent`` is the experiment whose model and loads give the bent shape, and ``parameters`` (1, n) are the parameters
-    of the law. The result is None without a magnet or without an equilibrium.
+    The tilt is the angle of the moment to the plane of the picture. The result is None without a magnet or without an
+    equilibrium.
     """
     twisted = _twisted(bent, law, parameters)
     return None if twisted is None else twisted[1][:, -1]
 
 
 def _twisted(bent: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
-    """Return S places on the middle line in K states, (K, S, 2) in mm, and the twist of the beam at them, (K, S).
+    """Return points on the middle line of the beam in mm, (K, S, 2), and the twist at these points, (K, S).
 
-    The twist is divided by the angle of the magnet's moment to the plane of the picture. The places lie between the
-    clamp and the magnet. The result is None without a magnet or without an equilibrium.
+    The twist is divided by the small angle between the magnetic moment and the plane of the picture.
     """
     specimen = bent.model.specimen
     if specimen.magnet is None:
@@ -110,12 +103,7 @@ def _twisted(bent: Experiment, law: Law, parameters: Array) -> tuple[Array, Arra
 
 
 def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, modulus_Pa: float) -> tuple[Array, Array]:
-    """Return bending moments in N m (K, S - 1) and forces in N (K, S - 1, 2) between the S stations of a bent beam.
-
-    A station is a cross-section of the beam. The moment is the change of the curvature from the shape at rest, times
-    the bending stiffness in the plane. The force is the tip force plus the weight of the part of the beam between the
-    station and the tip.
-    """
+    """Return bending moments in N m and forces in N between the points of the middle line of a bent beam."""
     specimen = bent.model.specimen
     rest = bent.model.mesh.nodes
     first, last = bent.model.mesh.row(0), bent.model.mesh.row(-1)

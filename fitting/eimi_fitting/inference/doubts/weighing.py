@@ -1,7 +1,6 @@
-"""Compare the hypotheses about the causes of the residuals of a fit, with simulations of the probable hypotheses.
+"""Compare the possible causes of the residuals of a fit, with simulations of the probable ones.
 
-A cause is a possible error of the bench, and a hypothesis is a set of causes that are present. The model and the
-computation are described in `inference.doubts.causes`.
+A cause is a possible error of the test bench, and a hypothesis is a set of causes that are present.
 """
 
 from __future__ import annotations
@@ -44,19 +43,16 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of causes if some inputs have exactly their stated values.
-
-    A hypothesis is a set of causes (possible errors of the bench). One hypothesis, the base, is compared with the
-    hypotheses that contain one cause more.
+    """The probabilities of errors of the test bench (causes) if some inputs have exactly their stated values.
 
     Parameters
     ----------
     causes : list of int
-        Indices of the n causes that do not belong to the base.
+        Indices of n causes.
     probability : ndarray, shape (1 + n,)
-        Probability of the base alone, and of the base with each of the n causes.
+        Probability that none of these causes is present, and that each of them is present.
     posterior : Posterior
-        For each of these 1 + n hypotheses, the probability density of the residuals and the sizes of its causes.
+        Probability density of the residuals and sizes of the causes, in the same order.
     classes : list of tuple of int
         Groups of causes that the residuals do not distinguish.
     """
@@ -68,12 +64,7 @@ class Exact:
 
 
 class Weighing:
-    """The hypotheses about the causes of the residuals, each with a linear Gaussian model.
-
-    A hypothesis is a set of causes (possible errors of the bench) that are present: none, one or two. Its model has
-    unknown coefficients: the changes of the law, the deviations of the inputs, and the sizes of the causes. The
-    coefficients of all hypotheses are numbered together, in the order of `Coefficients`.
-    """
+    """The comparison of sets of at most two errors of the test bench (causes) that may explain the residuals."""
 
     def __init__(
         self,
@@ -110,52 +101,34 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the factor by which one more error of the bench makes a hypothesis less probable beforehand.
-
-        A hypothesis is a set of errors of the bench. The factor belongs to its prior probability, before the residuals
-        are known.
-        """
+        """Logarithm of the factor by which each further error of the test bench divides the prior probability."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of indices of coefficients as one array, with one list in each row.
-
-        A coefficient is an unknown number of a model of the residuals, such as the size of an error of the bench. A
-        shorter list is filled up with the index of the last coefficient, which has no effect on the residuals.
-        """
+        """Return lists of indices as the rows of one array; a shorter list is filled up with the last index."""
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
             members[row, : len(indices)] = indices
         return members
 
     def shown(self, cause: int) -> int:
-        """Return the number of amplitudes of one cause that enter its reported value (`Cause.value`).
-
-        A cause is a possible error of the bench, and ``cause`` is its index. An amplitude is the size of one part of a
-        cause, such as a shift in x. The amplitudes that enter the value are the first ones.
-        """
+        """Return how many of the numbers that describe an error of the test bench enter its reported size."""
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions of the hypotheses with at most one cause in the list of all hypotheses, as a slice.
+        """Return the positions of the sets of at most one error of the test bench in the list of all sets, as a slice.
 
-        A hypothesis is a set of causes (possible errors of the bench). The hypothesis without a cause comes first. If
-        files state uncertainties of inputs, every hypothesis is listed twice: once with exact inputs, once with
-        uncertain inputs. The slice contains the version that the hypothesis with the index ``best`` has.
+        The sets have exact or uncertain inputs, like the set with the index ``best``.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return groups of causes that the residuals do not distinguish, as indices of the causes.
-
-        A cause is a possible error of the bench. A group is called a class (`inference.doubts.collinear_causes`). Its
-        first cause is the most probable one.
-        """
+        """Return groups of errors of the test bench that the residuals do not distinguish, as indices of the errors."""
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         alone = self.alone(best)
         causes = range(len(self._causes))
@@ -164,13 +137,9 @@ class Weighing:
     def _alike(
         self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
     ) -> list[tuple[int, ...]]:
-        """Return groups (classes) of causes that the residuals do not distinguish, as indices of the causes.
+        """Return groups of errors of the test bench that the residuals do not distinguish, as indices of the errors.
 
-        A cause is a possible error of the bench. This method compares 1 + n hypotheses: one without any of the n
-        ``causes``, and n with one of these causes each. ``posterior`` has the sizes of the causes under these
-        hypotheses. ``y`` (1 + n, N) has one row for each hypothesis: the residuals with opposite sign, described by N
-        coefficients of polynomials along the edges. ``error_squared`` is the mean square in mm^2 of the error that no
-        cause explains.
+        Only the errors with the indices ``causes`` are compared.
         """
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
@@ -186,19 +155,13 @@ class Weighing:
         return self.blocks[cause][: self.shown(cause)]
 
     def scale(self, rows: Sequence[int]) -> Array:
-        """Return the prior standard deviations of some unknown numbers: the sizes of errors and deviations.
-
-        The unknown numbers (coefficients) are the sizes of errors of the bench and the deviations of inputs. ``rows``
-        are the indices of some of them.
-        """
+        """Return the prior standard deviations of the unknown numbers with the indices ``rows``."""
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the uncertain inputs that are wrong if a cause is present, as indices of their coefficients.
+        """Return the uncertain inputs that are wrong if an error of the test bench is present, as indices.
 
-        A cause is a possible error of the bench, and ``cause`` is its index. For the cause "wrong scale", the input is
-        the scale. A coefficient is an unknown number of the model of the residuals; here it is the deviation of an
-        input.
+        For the error "wrong scale", the input is the scale.
         """
         stated_as = self._causes[cause].stated_as
         return [
@@ -209,56 +172,42 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return how strongly some unknown numbers of a hypothesis change the residuals, in units of the noise.
+        """Return the sum of squares of the change of the residuals by some unknown numbers, in units of the noise.
 
-        A hypothesis is a set of causes (possible errors of the bench), and ``base`` is its index. Its unknown numbers
-        are the sizes of the causes, the changes of the law and the deviations of inputs; ``rows`` are the indices of
-        some of them. Their most probable values (posterior means) change the polynomials that describe the residuals
-        along each edge. The change of each polynomial coefficient is squared and divided by the variance of this
-        coefficient. The result is the sum.
+        The numbers, such as deviations of inputs, have the indices ``rows`` and their most probable values.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of a cause that has nearly the same effect on the residuals as some deviations of inputs.
+        """Return the size of an error of the test bench that changes the residuals nearly as given input deviations do.
 
-        A cause is a possible error of the bench, and ``cause`` is its index. Its size has one or more amplitudes, such
-        as a shift in x and in y. Only those are returned that enter the reported value of the cause. ``rows`` are the
-        indices of the deviations among all unknown numbers, and ``amounts`` are their values. The difference between
-        the two effects is minimised by least squares, in units of the noise.
+        ``rows`` are the indices of the deviations, and ``amounts`` their sizes.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of the size of a cause, as it follows from the files; 0 if no file states it.
-
-        A cause is a possible error of the bench, such as a wrong scale, and ``cause`` is its index. The files state
-        uncertainties of inputs. Each of them is converted to the size of the cause that has the same effect on the
-        residuals. The result is the root of the sum of the squares of these sizes.
-        """
+        """Return the standard uncertainty of an error of the test bench, as files state it; 0 if no file states it."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return how probable each further cause would be if some uncertain inputs had exactly their stated values.
-
-        A hypothesis is a set of causes (possible errors of the bench). One cause at a time is added to a hypothesis.
+        """Return how probable further errors of the test bench are if some inputs have exactly their stated values.
 
         Parameters
         ----------
         base : int
-            Index of the hypothesis. Its simulation is also used for the hypotheses with one cause more.
+            Index of the set of errors to which one further error at a time is added.
         rows : sequence of int
-            Indices of the exact inputs among all unknown numbers of the hypotheses.
+            Indices of the exact inputs among all unknown numbers.
 
         Returns
         -------
         Exact
-            The probabilities of the hypothesis alone and with each further cause.
+            The probabilities of the set alone and with each further error.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
@@ -276,11 +225,7 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def posterior(self) -> Posterior:
-        """Return evidence and amplitudes of all hypotheses, after simulations of the probable hypotheses.
-
-        A hypothesis is a set of causes (possible errors of the bench), and an amplitude is the size of a cause. The
-        evidence of a hypothesis is the probability density of the residuals under the hypothesis.
-        """
+        """Return the probability density of the residuals for each set of errors of the test bench, and their sizes."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -314,22 +259,11 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a hypothesis that was not simulated, and a simulated hypothesis that corrects it.
-
-        A hypothesis is a set of causes (possible errors of the bench). Its residuals are computed with a linear model,
-        and some hypotheses are also simulated. The difference between simulation and linear model is a correction.
-        Without any correction, a hypothesis that was not simulated would seem to agree worse with the data than a
-        simulated one. It therefore takes the correction of a similar hypothesis that was simulated.
-
-        The simulated hypothesis contains only causes of the other one, but not all of them. If there are several
-        such hypotheses, the most probable one is taken. The size of some causes was measured before the fit, for
-        example a taper of the width. Both hypotheses of a pair must have the same measured causes, because these
-        change the shape at rest.
-
-        ``result`` has the evidence (probability density of the residuals) of all hypotheses. ``known`` is true for each
-        simulated hypothesis.
-        """
+        """Return pairs of indices: a set of test bench errors that was not simulated, and a similar simulated set."""
         score = result.log_evidence + self.log_prior
+        # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
+        # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
+        # same measured causes, because these change the shape at rest.
         pairs = []
         for row in np.flatnonzero(~known):
             of_fit = self._measured.intersection(self.hypotheses[row])
@@ -345,33 +279,20 @@ class Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance of the N data in mm^2, shape (N,), due to errors of the simulation.
+        """Return the variance of N polynomial coefficients in mm^2 due to errors of the simulation, shape (N,).
 
-        The data are the coefficients of polynomials that describe the residuals along each edge. Two errors of the
-        simulation are counted. One is the error that remains after the corrections by better beam models. The other is
-        an error of 1 per cent in each row of ``moves`` (C, N). A row is the simulated change of the data in mm by a
-        change of the law, a deviation of an input or an error of the bench.
+        Each row of ``moves`` has a simulated change of the coefficients in mm.
         """
+        # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the residuals that some errors of the bench leave, in units of the noise.
-
-        A result of about 1 means that only noise is left. ``y`` has the measured residuals with opposite sign, as
-        coefficients in mm of polynomials along each edge. ``amplitudes`` has the changes of the law and the sizes of
-        the errors. Their effect is computed with a linear model and subtracted from ``y``.
-        """
+        """Return the mean square of the residuals that given errors of the test bench leave, in units of the noise."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the most probable sizes of the causes of one hypothesis, by Gauss-Newton with simulations.
-
-        A hypothesis is a set of causes (possible errors of the bench), and ``row`` is its index. Gauss-Newton starts
-        from the sizes ``amplitudes``. The derivatives of the residuals are computed by finite differences at the start
-        only. Each further step updates them with the change of the residuals in the step before (Broyden 1965,
-        Mathematics of Computation 19:577).
-        """
+        """Return the most probable sizes of the errors of the test bench in one set of errors, by simulations."""
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
         best, least = trial.copy(), np.inf
@@ -396,6 +317,7 @@ class Weighing:
                 if slopes is None:
                     break
             else:
+                # Broyden 1965, Mathematics of Computation 19:577
                 slopes = slopes + np.outer(step, residual - before - step @ slopes) / (step @ step)
             weighted = slopes / self._project.noise
             normal, score = weighted @ slopes.T + np.eye(len(active)), weighted @ residual + trial[active] / scale
@@ -404,14 +326,9 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by the sizes of errors of the bench; None without an equilibrium.
+        """Return the derivatives of the residuals by some unknowns, such as errors of the test bench.
 
-        The residuals are described by N polynomial coefficients in mm. An amplitude is the size of an error of the
-        bench or a change of the law. A derivative is the change of the N coefficients for one prior standard deviation
-        of an amplitude, and the result has the shape (n, N).
-
-        ``row`` is the index of a hypothesis (a set of errors of the bench), ``amplitudes`` has its amplitudes, and
-        ``active`` the indices of the n amplitudes that vary. ``residual`` has the N coefficients for ``amplitudes``.
+        The unknowns have the indices ``active``. The result is None without an equilibrium.
         """
         slopes = []
         for i in active:
@@ -450,12 +367,7 @@ class Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of the probable hypotheses (sets of possible errors of the bench), which are simulated.
-
-        A hypothesis is probable if the logarithm of its probability is at most ``far`` below the largest one. With the
-        largest ``far``, hypotheses of a single error are also returned if they are improbable, because a large error
-        may look improbable before it is simulated.
-        """
+        """Return the indices of those sets of errors of the test bench that are probable enough to be simulated."""
         score, rows = result.log_evidence + self.log_prior, []
         sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])
         for is_uncertain in np.unique(self.is_uncertain):
@@ -482,21 +394,18 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Return the residuals in mm that a simulation of one hypothesis leaves: one array for each experiment.
+        """Return the simulated residuals in mm that given errors of the test bench leave; None without equilibrium.
 
-        An array has the shape (K, G, m) for G groups (edges, or x and y) of m points in K states. ``row`` is the index
-        of the hypothesis, a set of causes. ``amplitudes`` has the changes of the law and the sizes of the causes
-        (errors of the bench). The result is None if the beam model finds no equilibrium.
+        ``row`` is the index of the set of errors, and ``amplitudes`` has their sizes. There is one array for each
+        experiment.
         """
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual in mm of K states, shape (K,), one array for each experiment.
+        """Return the root mean square residuals in mm that given errors of the test bench leave, for each state.
 
-        The residuals are computed with the linear model for ``amplitudes``, the changes of the law and the sizes of the
-        causes (errors of the bench). The points near the ends of an edge are included, unlike in the comparison of
-        causes.
+        There is one array (K,) with K states for each experiment.
         """
         errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(

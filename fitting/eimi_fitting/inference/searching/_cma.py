@@ -19,10 +19,7 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Make Python report matplotlib and scipy.stats as missing, in the thread that created this object.
-
-    The import of the package cma is faster without them. Python asks the object (a finder) before each import.
-    """
+    """Make Python report matplotlib and scipy.stats as missing, in the thread that created this object."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()

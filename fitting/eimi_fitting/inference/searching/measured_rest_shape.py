@@ -59,20 +59,18 @@ _TOLERANCE_MM = 1e-4
 
 @dataclass(frozen=True)
 class MeasuredRestShape:
-    """The rest shape of a specimen, measured from its states without load.
-
-    The deviations from the stated shape are described by modes: smooth functions of the place along the beam.
+    """The stress-free shape of a specimen, measured without load.
 
     Attributes
     ----------
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Amplitudes in mm of the modes of the middle line (``bends_mm``) and of the width (``widths_mm``). The amplitude
-        is zero for a mode that is not significant.
+        Sizes in mm of smooth deviations from the stated shape: of the middle line (``bends_mm``) and of the width
+        (``widths_mm``). Zero for a deviation that is not significant.
     bend_sigma_mm, width_sigma_mm : float
-        Largest standard uncertainty of the accepted amplitudes of the middle line (``bend_sigma_mm``) and of the width
-        (``width_sigma_mm``), in mm. Zero if no amplitude was accepted.
+        Largest standard uncertainty in mm of the significant deviations of the middle line (``bend_sigma_mm``) and of
+        the width (``width_sigma_mm``). Zero if there are none.
     """
 
     specimen: Specimen
@@ -82,20 +80,19 @@ class MeasuredRestShape:
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with the measured rest shape and the uncertainty of this shape.
+        """Return the experiment with the measured stress-free shape and the uncertainty of this shape.
 
         Parameters
         ----------
         experiment : Experiment
             The experiment with the stated specimen.
         of : str
-            Name of the measurement of the rest shape. Datasets with the same name share one error of the rest shape,
-            and datasets with different names have independent errors.
+            Name of the measurement of the shape. Datasets with the same name share one error of the shape.
 
         Returns
         -------
         Experiment
-            The experiment, with the measured shape in its beam models.
+            The experiment with the measured shape.
         """
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": TAPER * self.width_sigma_mm}
         taper, waist = (of_width * mode for of_width, mode in zip((TAPER, WAIST), self.widths_mm, strict=True))
@@ -122,20 +119,17 @@ class MeasuredRestShape:
 
 
 def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
-    """Measure the shape of an experiment's specimen at rest from its states without load.
+    """Measure the stress-free shape of a specimen from the edges of the beam without load.
 
     Parameters
     ----------
     experiment : Experiment
-        The measured edges in several states. Deviations are measured from the rest shape of the specimen of this
-        experiment.
+        The measured edges under several loads, and the stated shape.
 
     Returns
     -------
     MeasuredRestShape or None
-        The measured shape. None for one of these reasons: edges were not measured, there is no state without load,
-        there is no state with load, gravity bends the beam to the side, the shape does not differ significantly from
-        the stated shape, or no shape explains the edges.
+        The measured shape. None if it cannot be measured or does not differ significantly from the stated shape.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
@@ -179,11 +173,9 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the significant deviations (modes) from the stated shape of the beam.
+    """Return the indices of the significant deviations of the measured shape from the stated shape of the beam.
 
-    ``amplitudes`` has the sizes of all modes in mm, and ``sigma`` their standard deviations. A mode is significant if
-    its size exceeds three standard deviations and a smallest size: 0.005 mm for a mode of the middle line, and 0.003 mm
-    for a mode of the width.
+    ``amplitudes`` has the sizes of all deviations in mm, and ``sigma`` their standard deviations.
     """
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
@@ -201,19 +193,15 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with smooth deviations (modes) added to the rest shape of its specimen.
-
-    ``amplitudes`` has the size of each deviation in mm.
-    """
+    """Return the experiment with smooth deviations, of the sizes ``amplitudes`` in mm, added to the shape at rest."""
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals in mm of the edge points that the fit uses, for several positions of the picture.
+    """Return the residuals in mm of the edge points for several rotations and shifts of the picture (``setups``).
 
-    A setup is a rotation and a shift of the picture. The beam is simulated once, and each of ``setups`` gives one
-    array. The result is None without an equilibrium.
+    The result is None without an equilibrium.
     """
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
@@ -226,12 +214,9 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the rest shape of the beam to its edges in the states without load.
+    """Fit the deviations of the stress-free shape from the stated shape to the edges of the beam without load.
 
-    The shape is the stated shape plus smooth deviations (modes). The first result has the size (amplitude) of each mode
-    in mm, and the second its standard uncertainty. The modes with the indices ``used`` are fitted, starting from
-    ``start``; the other amplitudes keep the values of ``start``. The result is None if the model finds no equilibrium,
-    or if the edges remain more than 0.2 mm from the best shape.
+    The results are the sizes of the smooth deviations in mm and their standard uncertainties, or None if no shape fits.
     """
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
@@ -272,21 +257,14 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the shear modulus in Pa for which the edges of the planar model have the smallest error, by a wide scan.
-
-    The error is the root mean square distance of the measured points from the simulated edges. ``bent`` is the
-    experiment with some of its loaded states.
-    """
+    """Return the shear modulus in Pa for which the simulated edges are closest to the measured ones, by a wide scan."""
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the shear modulus in Pa near ``near_Pa`` with the smallest distance of the simulated from measured edges.
-
-    ``bent`` is the experiment with some of its loaded states. The result is ``near_Pa`` if a state has no equilibrium.
-    """
+    """Return the shear modulus in Pa near ``near_Pa`` for which the simulated edges are closest to measured ones."""
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:
@@ -297,10 +275,9 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return the root mean square distance of the measured points from the simulated edges for S shear moduli, (S,).
+    """Return the root mean square distance in mm of measured points from simulated edges for S shear moduli, (S,).
 
-    The distance is in mm, for the points of all states of the experiment ``bent`` together. It is a very large number
-    (`DISCARDED_MM`) for a modulus without an equilibrium.
+    The distance is a very large number for a modulus without an equilibrium.
     """
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))

@@ -42,15 +42,14 @@ class NothingActs(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """The objectives of a fit for candidate laws with S different shear moduli.
+    """The objectives (numbers in mm that a fit minimises) for S different shear moduli.
 
     Parameters
     ----------
     moduli_Pa : ndarray, shape (S,)
         The moduli in Pa, in ascending order.
     objective_mm : ndarray, shape (S,)
-        The objective in mm of the law with each modulus; a very large number (`DISCARDED_MM`) for a law that has no
-        equilibrium or is unstable in a state.
+        The objective in mm for each modulus; a very large number if the beam has no equilibrium or the law is unstable.
     """
 
     moduli_Pa: Array
@@ -82,11 +81,7 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective at moduli from very soft to very stiff, with two moduli for each decade.
-
-    A stiff beam with the modulus mu, the length L and the largest displacement u is simulated. The number c = mu u / L
-    in Pa gives the range of the moduli. At the smallest modulus c / 3, a linear beam would bend by three times its
-    length. At the largest modulus c / 1e-7, the displacement would be too small to be measured.
+    """Evaluate the objective of a fit at moduli from very soft to very stiff, with two moduli for each decade.
 
     Parameters
     ----------
@@ -114,11 +109,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with more moduli near the best modulus, the modulus with the smallest objective.
-
-    The best modulus is thus known more accurately. 18 moduli are added in two rounds, the second round closer to the
-    best one.
-    """
+    """Return the scan with 18 more moduli near the modulus with the smallest objective."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -143,11 +134,7 @@ def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> 
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return unknowns with bounds that contain S moduli, and one candidate (set of values) for each modulus.
-
-    The candidates are in unit coordinates, (S, n) for n unknowns, from 0 to 1 within the bounds. Every coordinate of
-    the law except the modulus is in the middle of its range.
-    """
+    """Return unknowns of the fit with bounds that contain all given moduli, and their values for each modulus."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -156,11 +143,9 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the number c = mu u / L in Pa, from which the range of moduli is computed.
+    """Return, for a stiff beam, its shear modulus in Pa times its largest displacement divided by its length.
 
-    mu is the shear modulus, L the length and u the largest displacement of a simulated beam. The beam must be so stiff
-    that its displacement is proportional to the loads. mu is therefore raised until u is at most 0.001 L. c is then the
-    same for all stiffer beams.
+    This number is the same for all stiff beams under the same loads.
     """
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
@@ -178,11 +163,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement of a beam divided by its length; infinite if a state has no equilibrium.
-
-    The beam has the shear modulus ``modulus_Pa``. All states are solved at once from the shape at rest, because the
-    displacements of a stiff beam are small.
-    """
+    """Return the largest displacement of a beam divided by its length; infinite if a state has no equilibrium."""
     unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
     bent = 0.0
     for experiment in problem.experiments:

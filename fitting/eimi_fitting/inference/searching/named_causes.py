@@ -48,7 +48,7 @@ Slip = Literal[
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the stated loads, such as a reversed field, that a fit can recognise before its search.
+    """A mistake in the stated loads, such as a reversed field, that is recognised before the fit.
 
     Parameters
     ----------
@@ -75,9 +75,8 @@ class NamedCause(Exception):
     slip : str
         Key of the mistake, such as "field_reversed".
     error_mm, error_without_mm : float
-        Smallest error in mm that any modulus gives, with the stated loads (``error_mm``) and with the corrected loads
-        (``error_without_mm``). The error is the mean over the states of the root mean square distance of the measured
-        points from the simulated edges.
+        Smallest mean distance in mm of measured points from simulated edges, of all moduli: with the stated loads
+        (``error_mm``) and with the corrected loads (``error_without_mm``).
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -139,9 +138,9 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements of the fit, with the coarse mesh of the search.
+        The law, the unknowns and the measurements of the fit.
     scan : Scan
-        The scan of all datasets together, with more moduli near the best modulus (`narrowed`).
+        The errors of all datasets together for many moduli.
     independent_points : float
         Number of independent edge points.
 
@@ -149,14 +148,12 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
     -------
     tuple of NamedCause
         The mistakes that allow a fit, with a warning: at most one for each dataset, and none if the stated loads
-        explain the measurement. They are returned as exceptions, because they have the same contents as the exception
-        below.
+        explain the measurement.
 
     Raises
     ------
     NamedCause
-        For a mistake that allows no fit: with the stated loads, the smallest error that any modulus gives is more than
-        0.2 of the error of an unbent beam.
+        For a mistake that allows no fit, because the measured edges contradict the stated loads with every modulus.
     """
     causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
@@ -177,10 +174,9 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error in mm that any modulus gives, with loads corrected for the mistake ``cause``.
+    """Return the smallest error in mm of all moduli, with loads corrected for the mistake ``cause``.
 
-    The error is the mean over the states of the root mean square residual, in one dataset (``alone``). It is infinite
-    if the mistake concerns no load of the dataset.
+    It is infinite if the mistake concerns no load of the dataset.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)

@@ -39,11 +39,11 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of P candidates (sets of values of the unknowns) of a fit."""
+    """The objective and the residuals of a fit for P candidates (sets of values of the unknowns)."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of each of P candidates (sets of values of the unknowns) in mm, shape (P,)."""
+        """The objective of the fit in mm for each of P candidates (sets of values of the unknowns), shape (P,)."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
@@ -55,13 +55,12 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement of the best candidate of a fit by Gauss-Newton.
+    """The improvement of the best values of the unknowns of a fit by Gauss-Newton.
 
     Parameters
     ----------
     mean_error_before_mm, mean_error_after_mm : float
-        Objective before and after the improvement, on the same mesh, in mm. The objective is the mean error if the
-        edges are the only evidence.
+        Objective before and after the improvement in mm.
     steps : int
         Number of accepted Gauss-Newton steps.
     """
@@ -73,17 +72,17 @@ class Polish:
 
 @dataclass(frozen=True)
 class Optimum(Generic[E]):
-    """The optimum of a fit after Gauss-Newton, with the evaluations for central differences about the optimum.
+    """The optimum of a fit, with evaluations on both sides of it for central differences.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The optimum: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
+        Values of the n unknowns at the optimum, from 0 to 1 between their bounds.
     evaluation : Evaluation
-        Evaluation of 2 n + 1 candidates: the optimum, then n candidates with one coordinate increased, then n
-        candidates with one coordinate decreased.
+        Evaluation of 2 n + 1 points: the optimum, then n points with one value increased, then n points with one value
+        decreased.
     distance : ndarray, shape (n,)
-        For each unknown, distance in unit coordinates between the two candidates of its central difference.
+        Difference between the increased and the decreased value of each unknown.
     polish : Polish
         The improvement from the start to the optimum.
     """
@@ -95,20 +94,20 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the candidates for central differences about a point in unit coordinates.
+    """Return the points for central differences about a point in the unit cube.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The point: n unknowns in unit coordinates from 0 to 1.
+        The point, with n values from 0 to 1.
 
     Returns
     -------
     batch : ndarray, shape (2 n + 1, n)
-        One candidate in each row: the point, then n candidates with one coordinate increased, then n candidates with
-        one coordinate decreased. All coordinates are within 0..1.
+        One point in each row: the given point, then n points with one value increased, then n points with one value
+        decreased. All values are within 0..1.
     distance : ndarray, shape (n,)
-        For each coordinate, distance between its increased and its decreased value.
+        Difference between the increased and the decreased value of each coordinate.
     """
     n = len(unit)
     step = np.full(n, 1e-2)
@@ -131,13 +130,13 @@ def polish(
     Parameters
     ----------
     evaluate : callable
-        Takes P candidates of n unknowns in unit coordinates (0 to 1), (P, n), and an earlier evaluation of similar
-        candidates or None. Returns the evaluation of the P candidates.
+        Takes P points of the unit cube, (P, n), and an earlier evaluation of similar points or None. Returns the
+        evaluation of the P points.
     unit : ndarray, shape (n,)
-        The start in unit coordinates.
+        The start: values of the n unknowns from 0 to 1 between their bounds.
     start : (Evaluation, ndarray), optional
-        Evaluation of the start and its neighbours for central differences, and the distance between the two neighbours
-        in each coordinate (as in `Optimum`). Computed by default.
+        Evaluation of the start and of its neighbours for central differences, and the distance (n,) between the two
+        neighbours in each coordinate. Computed by default.
     enough : float
         Stop after a step that lowers the objective by less than this share of the objective.
 
@@ -145,18 +144,12 @@ def polish(
     -------
     Optimum
         The optimum after at most `MOST_STEPS` steps.
-
-    Notes
-    -----
-    Each step needs the slopes at its start, from central differences. The end of a step is evaluated together with the
-    candidates for the central differences about this end, in one batch. A batch costs little more than one candidate,
-    and most steps lower the objective, so that the next step can begin at once. If a step does not lower the objective,
-    0.3 and 0.1 of it are tried.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
     for steps in range(1, MOST_STEPS + 1):
         step = _step(here, distance, unit, _DAMPING * best)
+        # The end of the step is evaluated together with its neighbours: one batch costs little more than one candidate.
         reached = np.clip(unit + step, 0.0, 1.0)
         there, distance_there = _about(evaluate, reached, here)
         if there.objective_mm[0] >= best:
@@ -179,29 +172,14 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step (n,) that leads from ``unit`` (n,) to a point within the unit cube.
-
-    A point is a set of values of the n unknowns, each from 0 to 1. ``here`` has the residuals at ``unit`` and at its
-    two neighbours in each coordinate, and ``distance`` (n,) the distance between the two neighbours. ``damping`` is
-    added to the diagonal of the Hessian.
-    """
+    """Return a damped Gauss-Newton step (n,) from the point ``unit`` (n,) to another point of the unit cube."""
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return the gradient g (n,) and the Hessian H (n, n) of the objective in n unknowns.
-
-    Let r_k be the N_k residuals of state k, e_k their root mean square, and J_k their derivatives in the unknowns. With
-    the weights w_k = 1 / (N_k e_k),
-
-        g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
-
-    ``misfits`` has, for each experiment, the residuals for 2 n + 1 sets of values of the n unknowns: the set itself,
-    then n sets with one value increased, then n sets with one value decreased. ``distance`` (n,) has the distance
-    between the increased and the decreased value of each coordinate.
-    """
+    """Return the gradient (n,) and the approximate Hessian (n, n) of the objective of a fit in n unknowns."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

@@ -38,35 +38,31 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P candidates (points) of a search, and the reasons why candidates are not valid."""
+    """The objectives of P points of a search, and the reasons why points are not valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives of P points in mm, (P,), to be minimised; `DISCARDED_MM`, a large number, if invalid."""
+        """The objectives of P points in mm, (P,), to be minimised; a very large number if a point is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam of each of P candidates (points of the search) has no equilibrium in a state, (P,)."""
+        """Whether the beam has no equilibrium in a state, for each of P points of the search, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the law of each of P candidates (points of the search) is unstable in at least one state, (P,).
-
-        False for a candidate without an equilibrium in one of the states.
-        """
+        """Whether the material law is unstable in a state, for each of P points of the search, (P,)."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of the P candidates of one generation of a search.
+    """The objectives of the P candidates (points) of one generation of a search.
 
     Parameters
     ----------
     objective_mm : tuple of float
         The P objectives in mm.
     unconverged, unstable : int
-        Number of candidates without an equilibrium (``unconverged``) and number of candidates with an unstable law
-        (``unstable``).
+        Number of candidates without an equilibrium (``unconverged``) and with an unstable material law (``unstable``).
     """
 
     objective_mm: tuple[float, ...]
@@ -76,22 +72,22 @@ class Objectives:
 
 @dataclass(frozen=True)
 class Generation:
-    """The progress of the search after one generation.
+    """The progress of a search after one generation of candidates (points of the unit cube).
 
     Parameters
     ----------
     run : int
-        Number of the start of CMA-ES, counted from 1; a search may start several times.
+        Number of the run of CMA-ES, counted from 1.
     best_mm : float
         Smallest objective of all generations so far, in mm.
     mean_mm : float
         Mean objective of the valid candidates of this generation, in mm.
     step_size : float
-        Step size sigma in unit coordinates (the bounds of the search are 0 and 1).
+        Step size sigma of CMA-ES in the unit cube.
     axis_ratio : float
         Length of the longest axis of the normal distribution of candidates, divided by the length of the shortest axis.
     discarded : int
-        Number of unconverged or unstable candidates in this generation.
+        Number of candidates in this generation that are not valid.
     """
 
     run: int
@@ -104,14 +100,14 @@ class Generation:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of CMA-ES, a part of a search.
+    """One run of CMA-ES, a part of a search in the unit cube.
 
     Parameters
     ----------
     population : int
         Number of candidates in a generation.
     step_size : float
-        First step size sigma in unit coordinates (the bounds of the search are 0 and 1).
+        First step size sigma of CMA-ES.
     generations : int
         Number of generations.
     best_mm : float
@@ -130,7 +126,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """The numbers of candidates without an equilibrium and of candidates with an unstable law, in a search."""
+    """The numbers of points of a search without an equilibrium and with an unstable material law."""
 
     unconverged: int
     unstable: int
@@ -138,22 +134,22 @@ class Discards:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best candidate of a search and the history of the search.
+    """The best candidate (point of the unit cube) of a search, and the history of the search.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The n unit coordinates of the best candidate, from 0 to 1 within the bounds of the search.
+        The n coordinates of the best candidate, from 0 to 1.
     objective_mm : float
         Objective of the best candidate in mm.
     history : tuple of Generation
         All generations.
     runs : tuple of Run
-        All runs.
+        All runs of CMA-ES.
     evaluations : int
         Number of candidates in all generations.
     discarded : Discards
-        Numbers of discarded candidates in all generations.
+        Numbers of candidates that are not valid.
     """
 
     unit: Array
@@ -249,20 +245,13 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return the reason to stop a run, ["population"], if the objectives of a generation are valid and nearly equal.
-
-    They are nearly equal if they differ by less than ``enough_mm``. Otherwise the list is empty.
-    """
+    """Return ["population"] if all objectives of a generation are valid and nearly equal, else an empty list."""
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
 
 class _Log:
-    """The history of a search: its generations so far, and the objectives that an interrupted search has stored.
-
-    A search that is repeated after an interruption does not evaluate its first generations again, but takes the stored
-    objectives (a replay).
-    """
+    """The history of a search, and the stored objectives of an interrupted search that need no evaluation."""
 
     def __init__(
         self,
@@ -277,15 +266,12 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the known objectives of the next generation of the search; None if they are not known.
-
-        They are known for the first generations, if an interrupted search is repeated with its stored objectives. These
-        generations need no evaluation.
+        """Return the stored objectives of the next generation of the search; None if there are none.
 
         Raises
         ------
         OtherSearch
-            If the number of stored objectives differs from ``candidates``, the number of candidates of the generation.
+            If the number of stored objectives differs from ``candidates``, the number of points of the generation.
         """
         if len(self.history) >= len(self._replay):
             return None
@@ -361,8 +347,7 @@ def _runs(
 ) -> Iterator[tuple[float, int, int]]:
     """Yield the first step size, the population and the largest number of generations of each run of a search.
 
-    The caller appends each run to ``done`` when it has finished. With ``bipop``, the number and the size of the small
-    runs depend on the evaluations of the finished runs.
+    The caller appends each finished run to ``done``.
     """
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
