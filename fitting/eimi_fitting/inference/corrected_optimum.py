@@ -50,28 +50,26 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The optimum of a fit of a hyperelastic law, with corrections by better beam models and with intervals.
+    """The result of a fit, with corrections by better beam models and with intervals.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements of the fit, with the corrections of the residuals.
+        The law, the unknowns and the measurements, with corrected residuals.
     optimum : Optimum
-        The optimum of the corrected problem.
+        The best values of the unknowns.
     effects : tuple of Effect
-        The change of the optimum by each correction.
+        Change of the best values by each correction.
     max_stretch : float
-        Largest stretch of the beam in any state at the optimum, computed with planar models on the meshes of the
-        experiments.
+        Largest stretch of the beam at the best values, computed with planar models.
     polish : Polish
-        Improvement of the best candidate by the first run of Gauss-Newton.
+        Improvement by the first run of Gauss-Newton.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        For each prior on a parameter of the law, the difference between the prior and the value that the other evidence
-        (edges, tensile curves, other priors) gives, in standard deviations of this difference.
+        How far each prior on a parameter is from the value that all other data give, in standard deviations.
     not_considered : tuple of str
-        One sentence for each source of uncertainty that the intervals do not contain.
+        One sentence for each uncertain input whose effect the intervals do not contain.
     """
 
     problem: Problem
@@ -85,36 +83,32 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute the optimum of a fit, with corrections and intervals, from a candidate near the optimum.
-
-    Gauss-Newton varies the unknowns on a planar model. A better model is solved only at the optimum. The difference
-    between the residuals of both models is added to the residuals of the planar model (a correction). For a section in
-    plane stress or plane strain, the planar model has the coarse mesh of the search, and the better models have finer
-    meshes. For a solid section, the planar model has the mesh of the three-dimensional model, which is the better
-    model.
+    """Compute the best values of the unknowns of a fit and their intervals, from values near the best.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        The candidate: n unknowns in unit coordinates, from 0 to 1 within the bounds of the search.
+        Values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     seed : int
         Seed of the random draws for the intervals.
 
     Returns
     -------
     SearchEnd
-        The optimum with its corrections and intervals.
+        The best values with their intervals.
     """
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
+        # The planar model has the mesh of the three-dimensional model, which corrects it.
         first = _polished(problem, unit, enough=_LOOSE)
         if first.evaluation.objective_mm[0] >= DISCARDED_MM:
             first = _polished(problem, _valid(problem, unit), enough=_LOOSE)
         problem, optimum, effects = _with_solids(problem, first)
         stretch = optimum.evaluation.comparison.max_stretch
     else:
+        # The planar model has the coarse mesh of the search, and finer meshes correct it.
         coarse = replace(problem, experiments=on_coarse_mesh(problem.experiments))
         first = _polished(coarse, unit, enough=_LOOSE)
         problem, optimum, effects, stretch = _with_finer_meshes(problem, coarse, first)
@@ -132,13 +126,9 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return a candidate near ``unit`` (n,) that has a stable equilibrium in all states, if ``unit`` itself has none.
-
-    A candidate is a set of values of the n unknowns, each from 0 to 1 between its bounds (unit coordinates). The search
-    found ``unit`` on a coarse mesh. The finer mesh of ``problem`` has larger stretches, at which the law may be
-    unstable. All coordinates but the first, which determines the modulus, are then moved toward 1/2 in four steps,
-    until the law is stable. If no step helps, ``unit`` is returned.
-    """
+    """Return values of the unknowns near ``unit`` for which the beam has a stable equilibrium, else ``unit``."""
+    # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
+    # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)
     toward[0] = unit[0]
     for share in _TOWARD_MIDDLE:
@@ -151,18 +141,11 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit with n unknowns, computed by Gauss-Newton from the start ``unit`` (n,).
-
-    The start has a value from 0 to 1 for each unknown (unit coordinates). If there is other evidence than edges, its
-    weight depends on N, the number of independent edge points. N follows from the residuals at the optimum, which are
-    not yet known. Gauss-Newton is therefore run with an estimate of N, and a second time if the N of its result
-    differs from the estimate by more than a factor of e^0.3.
-
-    If the edges are the only evidence, ``start`` may give an earlier evaluation of ``unit``, and Gauss-Newton stops
-    after a step that lowers the objective by less than the share ``enough``.
-    """
+    """Return the optimum of a fit by Gauss-Newton, from the values ``unit`` (n,) of the n unknowns."""
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
+    # The weight of curves and priors depends on the number of independent points, which follows from the residuals at
+    # the optimum. A second run is needed if the first number was wrong.
     whole = problem.unknowns.whole(unit)[0]
     first_count = independent_points(problem, problem.evaluate(whole[None], 1.0).comparison.misfits)
     first = polish(problem.nearby(first_count), whole)
@@ -179,17 +162,13 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the residuals in two steps: from the coarse mesh to the meshes of ``problem``, then to finer meshes.
-
-    A correction adds the difference between the residuals of two meshes at the optimum. ``coarse`` is the same fit on
-    the coarse mesh of the search, and ``optimum`` its optimum. After each step the optimum is computed again. If a mesh
-    has no equilibrium at the optimum, the results of the step before are returned.
+    """Correct the residuals by two successively finer meshes, and compute the optimum again.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the change of the optimum by the second step (empty if it failed), and
-        the largest stretch of the beam in any state, (1,), on the meshes of ``problem``.
+        The corrected problem, its optimum, the change of the optimum by the second mesh (empty if it has no
+        equilibrium), and the largest stretch of the beam, (1,).
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -207,11 +186,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Correct the residuals of a fit (problem) by a better beam model; return the corrected fit and its new optimum.
-
-    ``better`` has the residuals of the better model at ``optimum``, the optimum of the problem ``now``. The difference
-    of the residuals of both models is added to the residuals of the problem as a constant.
-    """
+    """Correct the residuals of a fit by those of a better beam model, and return the fit and its new optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -239,18 +214,12 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals of the planar model by a three-dimensional beam model, in up to three passes.
-
-    A pass adds the difference between the residuals of the two models to the residuals of the planar model, and
-    computes the optimum again. The difference is computed at the optimum of the pass before. The passes end if the
-    modulus has changed by less than 0.05 %. The second or third pass is rejected if it raises the objective by more
-    than 1 %. The change of the modulus in the last pass counts as an error that remains.
+    """Correct the residuals of the planar model by a three-dimensional model, in up to three passes.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, and a list with the change of the optimum by all passes. If the
-        three-dimensional model finds no equilibrium, the problem is unchanged and the list is empty.
+        The corrected problem, its optimum, and a list with the change of the optimum; empty without an equilibrium.
     """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
@@ -261,6 +230,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         changed = replace(problem, experiments=further.added(problem.experiments))
         trial, reached = _with_change(changed, corrected, optimum)
         moved = problem.unknowns.modulus_percent(reached.unit[0] - optimum.unit[0])
+        # A later pass that raises the objective is rejected.
         if passes and reached.evaluation.objective_mm[0] > _NOT_WORSE * optimum.evaluation.objective_mm[0]:
             break
         corrected, optimum, solid = trial, reached, further
@@ -270,16 +240,13 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         return problem, optimum, []
     whole = optimum.unit - first
     percent = abs(problem.unknowns.modulus_percent(whole[0]))
+    # The change of the modulus in the last pass counts as a remaining error.
     share = min(max(SOLID.remaining_share, abs(moved) / max(percent, 1e-9)), 1.0)
     return corrected, optimum, [Effect(solid, whole, share, _UNSURE_PERCENT)]
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Compute the new optimum of a fit after its residuals were corrected by a better beam model.
-
-    ``changed`` is the fit with the new correction, and is returned with the new optimum. ``now`` is the fit before,
-    with its optimum, at which Gauss-Newton starts.
-    """
+    """Return a fit with corrected residuals, and its new optimum."""
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -299,11 +266,7 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Simulate one candidate alone, and return the comparison with the measurements of the experiments.
-
-    A candidate is one set of values of the unknowns. The differences between two beam models are small. A simulation
-    of several candidates together has other rounding errors, which would disturb these differences. ``unit`` has the n
-    unit coordinates (0 to 1) of the candidate. If ``keep`` is true, the comparison keeps the full solution, so that a
-    later call can start from its shapes (``near``).
-    """
+    """Simulate one set of values of the unknowns, and compare it with the measurements."""
+    # Other rounding errors, as in a simulation of several sets, would disturb the small differences between two beam
+    # models.
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -21,21 +21,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedLaw(Estimate):
-    """An identified hyperelastic law with intervals, errors, warnings and search history, as stored in a result file.
+    """An identified hyperelastic law with intervals, errors and warnings, as stored in a result file.
 
     It also has the parameters of `Estimate`: the identified parameters with their intervals.
 
     Parameters
     ----------
     mean_error_mm, mean_deviation_mm : float
-        Means over the states of error and deviation in mm. The error of a state is the root mean square distance of
-        its measured from its simulated points, and the deviation is the standard deviation of these distances.
+        Means over the load states, in mm: the root mean square distance of measured from simulated points, and the
+        standard deviation of these distances.
     max_stretch : float
-        Largest stretch in the beam at the optimum, computed on the planar meshes of the experiments.
+        Largest stretch of the beam, computed with planar models.
     priors : tuple of Prior
         Priors on the law's parameters.
     doubts : tuple of Doubt
-        Warnings about the result (reasons to distrust it).
+        Reasons to distrust the result.
     causes : tuple of Cause
         Possible causes of the residuals, the most probable first; empty in result files of earlier releases.
     evaluations, discarded, stop, runs, history
@@ -43,7 +43,7 @@ class IdentifiedLaw(Estimate):
     generations : int
         Number of generations of the search.
     polish : Polish
-        Improvement of the best candidate of the search by the first run of Gauss-Newton.
+        Improvement by the first run of Gauss-Newton.
     seed : int
         Seed of the search and of the random draws for the intervals.
     wall_s : float
@@ -78,18 +78,17 @@ class Fit(IdentifiedLaw):
     law : Law
         The hyperelastic law.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Root mean square distance of measured from simulated points (``error_mm``) and standard deviation of these
-        distances (``deviation_mm``) in mm, for each state; see `inference.evidence.measurements`.
+        For each load state, in mm: the root mean square distance of measured from simulated points, and the standard
+        deviation of these distances.
     residuals_mm : tuple of ndarray, shape (K, G, m)
-        Residuals of each experiment with K states and G groups (edges, or x and y) of m neighbouring points, see
-        `Misfit`; NaN for points that were not measured.
+        Residuals in mm of each experiment, at m neighbouring points on each of G edges (or in x and y) in K states; NaN
+        for points that were not measured.
     curves : tuple of TensileEvidence
         The tensile curves with their noise.
     curve_rmse_Pa : tuple of float
-        Root mean square residual of each tensile curve for the law of this fit, in Pa.
+        Root mean square residual of each tensile curve, in Pa.
     prior_distances : tuple of float
-        For each prior on a parameter of the law, the difference between the prior and the value that the other evidence
-        (edges, tensile curves, other priors) gives, in standard deviations of this difference.
+        How far each prior on a parameter is from the value that all other data give, in standard deviations.
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float

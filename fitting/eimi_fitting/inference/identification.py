@@ -83,11 +83,6 @@ def identify(
 ) -> Fit:
     """Identify the parameters of one hyperelastic law from one or several experiments.
 
-    A scan determines the range of moduli (`inference.searching.modulus_range`). The search runs on the default mesh of
-    `BeamModel`, with the stated values of all uncertain inputs (nuisances). The errors and intervals of the result are
-    computed with a better model: a finer mesh, or a three-dimensional model for a solid section
-    (`inference.evidence.corrections`).
-
     Parameters
     ----------
     model : str
@@ -95,8 +90,8 @@ def identify(
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Nuisances (uncertain inputs) that the fit determines together with the law, with their priors. If the field was
-        measured in both polarities, the fit frees further sources of uncertainty (`inference.evidence.polarity`).
+        Uncertain inputs that the fit determines together with the law, with their priors. If the field was measured in
+        both polarities, the fit determines further inputs.
     free_bulk : bool
         Whether the fit also determines the bulk modulus.
     tensile : sequence of TensileCurve
@@ -107,8 +102,8 @@ def identify(
         Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
         seed.
     possible_causes : sequence of PossibleCause
-        The possible errors of the bench that are weighed as causes of the residuals. If it is empty, the fit names no
-        cause, and takes half of the time or less.
+        Possible errors of the bench that are compared with the residuals. If it is empty, the fit names no cause, and
+        takes half of the time or less.
 
     Returns
     -------
@@ -265,10 +260,7 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Search for the optimum on a coarse mesh; raise NothingConverged if the beam could not be simulated at all.
-
-    ``coarse`` is the fit with the coarse mesh, and ``options`` are the options of the search, such as its seed.
-    """
+    """Search for the best values on a coarse mesh; raise NothingConverged if nothing could be simulated."""
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,

@@ -33,7 +33,7 @@ _LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, a
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hyperelastic law in a comparison of laws, with the errors of its fit.
+    """A fitted hyperelastic law that is compared with other laws.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class Candidate:
     unknowns : int
         Number of fitted unknowns.
     errors : tuple of tuple
-        Pairs of a number of independent points and an error (root mean square residual). The first pair belongs to the
-        edges (error in mm), and each further pair to a tensile curve (error in Pa).
+        Pairs of a number of independent points and a root mean square residual: first for the edges (in mm), then for
+        each tensile curve (in Pa).
     held_out_error_mm : float or None
         Mean error in mm of states that were omitted from the fit; None if no state was omitted.
     stated_squares : float
-        Sum of the squared deviations of the parameters from their priors and of the uncertain inputs from their stated
-        values, at the optimum, in standard uncertainties.
+        Sum of the squared deviations of parameters from their priors and of uncertain inputs from their stated values,
+        in standard uncertainties.
     """
 
     model: str
@@ -60,7 +60,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Choice:
-    """The result of one hyperelastic law in a comparison of laws.
+    """The result for one hyperelastic law in a comparison of laws.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Choice:
     unknowns : int
         Number of fitted unknowns.
     independent_points : float
-        Number M of independent points of the edges and all curves.
+        Number of independent points of the edges and all tensile curves.
     aicc : float or None
         AICc minus the smallest AICc of all laws; None if the data are too few for the number of unknowns.
     bic : float
@@ -91,7 +91,7 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return AICc, BIC and Akaike weight of each law, in the order of ``candidates``."""
+    """Return AICc, BIC and Akaike weight of each fitted law, in the order of ``candidates``."""
     if not candidates:
         return ()
     best = min(candidates, key=lambda c: c.errors[0][1])

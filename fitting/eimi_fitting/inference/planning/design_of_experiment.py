@@ -55,19 +55,16 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A hyperelastic law with the values of its n parameters from an earlier fit, (n,), in the units of the law."""
+    """A hyperelastic law with the n parameters (n,) of an earlier fit, in the units of the law."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a later fit of this law, and the parameters of this law in unit coordinates, (n,).
-
-        The unit coordinates lie between 0 and 1, the bounds of the later search. The bounds of the modulus are 1.5
-        decades below and above the modulus of the earlier fit.
-        """
+        """Return the unknowns of a later fit, and this law's parameters scaled to 0..1 between their bounds, (n,)."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
+        # The bounds are 1.5 decades below and above the modulus of the earlier fit.
         lower, upper = (modulus * 10.0**end for end in (-_DECADES, _DECADES))
         space = replace(space, lower=(lower, *space.lower[1:]), upper=(upper, *space.upper[1:]))
         scale = np.where(np.array(self.law.units) == "Pa", modulus, 1.0)
@@ -105,19 +102,18 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise of the edges for a planned run, from an earlier fit to a number of states.
-
-        If the earlier fit did not separate noise from the errors of uncertain inputs, all residuals count as noise.
+        """Return the noise of the edges for a planned run, from an earlier fit.
 
         Parameters
         ----------
         earlier : Identifiability
-            The residuals, the noise and the numbers of points of the earlier fit.
+            Residuals and numbers of points of the earlier fit.
         states : int
             Number of states of the earlier fit.
         left_percent : float
             95 % bound of the error of the modulus that remains after the correction for a solid section, in per cent.
         """
+        # All residuals count as noise if the earlier fit did not separate noise from errors of uncertain inputs.
         independent = earlier.noise_points or earlier.independent_points
         return EdgeNoise(
             residual_mm=earlier.noise_mm or earlier.residual_mm,
@@ -129,11 +125,9 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """S states of one specimen that could be measured, linearised in n unknowns and c uncertain inputs (sources).
+    """S load states that could be measured, with what each would tell about n unknowns of the law.
 
-    J are the derivatives of the edges in the unknowns, in mm. C are the changes of the edges for one standard
-    uncertainty of each source, in mm. w is the inverse variance of an independent edge point in 1/mm^2. The goal
-    quantity is the initial shear modulus or a parameter of the law.
+    The goal is the quantity to be determined: the initial shear modulus or a parameter of the law.
 
     Attributes
     ----------
@@ -142,20 +136,19 @@ class Candidates:
     states : ndarray of int, shape (S,)
         Index of each state among all loads that were considered.
     normal : ndarray, shape (S, n, n)
-        w sum J'J over the points of each state.
+        Hessian of minus the log-likelihood of the edges of each state.
     source_score : ndarray, shape (S, n, c)
-        w sum J'C over the points of each state.
+        Change of the gradient of minus the log-likelihood by one standard uncertainty of each of c uncertain inputs.
     sources : tuple of str
-        Names of the c sources of uncertainty.
+        Names of the c uncertain inputs.
     prior : ndarray, shape (n, n)
         Inverse variance of the unknowns before the measurement.
     goal : ndarray, shape (n,)
-        Derivative of the goal quantity in the unknowns, divided by the value of the goal quantity.
+        Derivative of the goal in the unknowns, divided by the value of the goal.
     points : float
         Number of independent edge points in a state.
     irreducible : float
-        Standard deviation of the goal quantity due to the remaining error of the correction for a solid section, as a
-        share of the value of the goal quantity. It is the same for all choices of states.
+        Relative standard deviation of the goal due to the error of the beam model, the same for all choices of states.
     """
 
     loads: Loads
@@ -172,11 +165,9 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the goal quantity after a measurement of certain states, for D choices, (D,).
+        """Return the relative variance of the goal (modulus or law parameter) for D choices of states, (D,).
 
-        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow. The relative
-        variance is its variance divided by its square. Each row of ``choices`` (D, K) has the indices of the K states
-        of one choice.
+        Each row of ``choices`` (D, K) has the indices of K states.
         """
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
@@ -187,54 +178,32 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the 95 % interval of the goal quantity, in per cent, for the states ``choice``.
-
-        The goal quantity is the modulus or the parameter of the law whose interval is to be narrow.
-        """
+        """Return the half-width of the 95 % interval of the goal (modulus or law parameter), in per cent."""
         return 100 * NORMAL_95 * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal quantity due to each source of uncertainty, in per cent.
+        """Return the standard deviation of the goal (modulus or law parameter) by each uncertain input, in per cent.
 
-        The largest effect comes first. The keys are the names of the sources. The goal quantity is the modulus or the
-        parameter of the law whose interval is to be narrow.
+        The largest effect comes first.
         """
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal quantity in per cent for one standard uncertainty of each uncertain input.
-
-        The keys are the names of the inputs. The goal quantity is the modulus or the parameter of the law whose
-        interval is to be narrow.
-        """
+        """Return the change of the goal (modulus or law parameter) by one standard uncertainty of each input, in %."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return the factor by which an interval is wider because the noise level is estimated from ``states`` states.
-
-        The factor is the 97.5 % quantile of Student's t, divided by the 97.5 % quantile of the normal distribution.
-        """
+        """Return the factor by which an interval is wider because the noise level is estimated (Student's t)."""
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of the half-width of the interval, in per cent, for any choice of ``states`` states.
+        """Return a lower bound of the half-width of the 95 % interval, in per cent, for any ``states`` states.
 
-        The interval belongs to the goal quantity, the modulus or a parameter of the law. A choice whose interval is
-        near this bound can hardly be improved. The bound has two parts: noise and uncertain inputs. For the noise,
-        every chosen state is assumed to determine the goal quantity as well as the best state does.
-
-        For the uncertain inputs, let a_si be the error of the goal quantity if only state s is measured and input i is
-        wrong by one standard uncertainty. If several states are measured, the error by input i is a weighted mean of
-        the a_si over the states, with weights v_s >= 0 whose sum is one. The best possible weights give the smallest
-        value of
-
-            sum_i (sum_s v_s a_si)^2,
-
-        which is computed by non-negative least squares.
+        A choice of states near this bound can hardly be improved.
 
         Raises
         ------
@@ -244,11 +213,14 @@ class Candidates:
         if len(self.goal) > 1:
             raise ValueError(f"the lower bound of the interval needs a law with one unknown, not with {len(self.goal)}")
         information, prior = self.normal[:, 0, 0], float(self.prior[0, 0])
+        # Every chosen state is assumed to determine the goal as well as the best state.
         most = states * float(information.max())
         noise = (self.goal[0] / (most + prior)) ** 2 * (self._widened(states) ** 2 * most + prior)
         informative = information > 1e-9 * information.max()
         alone = self.goal[0] * self.source_score[informative, 0] / information[informative, None]  # (S', C)
         heavy = 1e3 * max(float(np.abs(alone).max(initial=0.0)), 1e-6)  # enforces that the weights sum to one
+        # The error by an input is a weighted mean over the states. The best weights give the smallest sum of squared
+        # errors.
         rows = np.vstack([alone.T, np.full((1, int(informative.sum())), heavy)])
         weights, _ = scipy.optimize.nnls(rows, np.append(np.zeros(alone.shape[1]), heavy))
         share = most / (most + prior)  # the prior reduces the error of the estimate by this factor
@@ -265,11 +237,9 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """Return the states from which a plan may choose, with the derivatives of their edges by the unknowns.
+    """Return the load states from which a plan may choose, with the derivatives of their edges.
 
     States in which the beam has no equilibrium are left out.
-
-    A planar model replaces a solid section, because the derivatives of the edges differ by only a few per cent.
 
     Parameters
     ----------
@@ -280,14 +250,13 @@ def candidates(
     loads : Loads
         The states that could be measured.
     stated : sequence of StatedSource
-        Sources of uncertainty of the planned run.
+        Uncertain inputs of the planned run.
     noise : EdgeNoise
         Noise of the edges.
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the mesh of the later fit. The error of this mesh is one more source of
-        uncertainty, unless the section is solid.
+        Number of elements along the beam in the later fit, for the error of its mesh.
 
     Returns
     -------
@@ -326,12 +295,13 @@ def candidates(
 
 
 def planar_model(specimen: Specimen) -> BeamModel:
-    """Return the planar model that replaces a solid specimen, on the coarse mesh of the search."""
+    """Return a planar beam model with few elements, also for a solid specimen."""
+    # The derivatives of the edges of a solid section differ by only a few per cent.
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
 
 def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
-    """Return the indices of the states with an equilibrium and a stable law; raise ValueError without such a state."""
+    """Return the indices of the loads with a stable equilibrium; raise ValueError if there are none."""
     converged = model.solve(known.law, known.parameters[None], loads).status[0] == Status.CONVERGED
     if not converged.any():
         raise ValueError(f"none of the {len(loads)} states has a stable equilibrium: check loads, specimen and law")
@@ -341,10 +311,7 @@ def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
 def experiment_without_noise(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return an experiment in which the measured edges are the simulated edges of the known law, without noise.
-
-    The stated uncertainty of each edge point is ``noise.residual_mm``.
-    """
+    """Return an experiment with the simulated edges of a known law in place of measured edges."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -352,10 +319,9 @@ def experiment_without_noise(
 
 
 def slopes_of(problem: Problem, unit: Array) -> Array:
-    """Return how the residuals of an experiment change with each of n unknowns, shape (n, K, 2, m).
+    """Return the derivatives of the residuals in mm by n unknowns scaled to 0..1, shape (n, K, 2, m).
 
-    The result has the derivatives in mm at the point ``unit``, for m points on each of 2 edges in K states. The
-    unknowns are given as numbers from 0 to 1 between their bounds (unit coordinates).
+    There are m points on each of 2 edges in K states.
     """
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
@@ -364,12 +330,7 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the error of the edges due to the mesh of the fit after the planned run, as a source of uncertainty.
-
-    The result is a dictionary with one entry: the name of the source, and the standard deviation of the error in mm,
-    shape (K, 2, m), for m points on each of 2 edges in K states. It is empty if a finer mesh, which gives the error,
-    has no equilibrium. ``along`` is the number of elements along the beam in the mesh of that fit.
-    """
+    """Return a dictionary with the standard deviation of the edges in mm due to the mesh of a later fit, (K, 2, m)."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -383,21 +344,14 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the weight w in 1/mm^2 of a simulated edge point, for the planning of a measurement.
-
-    The information of a state is w times a sum over the simulated points. It should equal the information of the
-    measured points. Their number is another one, and only one in ``noise.alike`` of them is independent. w is therefore
-    the number of independent measured points, divided by the number of simulated points and by the variance of a
-    measured point.
-    """
+    """Return the information in 1/mm^2 that the measured edges of a state give, per simulated edge point."""
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivatives of the goal quantity in the n unknowns, divided by its value, shape (n,).
+    """Return the derivatives of the goal (modulus or law parameter) in n unknowns, divided by its value, (n,).
 
-    The goal quantity is the quantity whose interval is to be narrow: the initial shear modulus, or the parameter of the
-    law with the name ``goal``. KeyError is raised for an unknown name.
+    KeyError is raised for an unknown name of a parameter.
     """
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:

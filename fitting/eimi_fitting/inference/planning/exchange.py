@@ -22,10 +22,7 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """The interface for a choice of states: the number of possible states, and a criterion for each choice.
-
-    The criterion is a number, such as the variance of the modulus. The choice with the smallest number is the best.
-    """
+    """The interface of a set of possible states: a choice of states is good if its criterion is small."""
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""
@@ -33,7 +30,7 @@ class Criterion(Protocol):
     def variance(self, choices: Choice) -> Array:
         """Return the criterion, such as the variance of the modulus, for each of D choices of K states, (D,).
 
-        Each row of ``choices`` has the indices of the states of one choice, shape (D, K).
+        Each row of ``choices`` (D, K) has the indices of K states.
         """
 
 
@@ -43,12 +40,12 @@ def equally_spaced(states: int, count: int) -> Choice:
 
 
 def exchange(criterion: Criterion, count: int) -> Choice:
-    """Choose ``count`` different states for which no exchange of a single state lowers the criterion.
+    """Choose ``count`` different states for which a criterion, such as the variance of the modulus, is small.
 
     Parameters
     ----------
     criterion : Criterion
-        The states that could be measured, and the value to be minimised.
+        The states that could be measured, with the value to be minimised.
     count : int
         Number of states to choose.
 
@@ -70,10 +67,7 @@ def exchange(criterion: Criterion, count: int) -> Choice:
 
 
 def _filled(criterion: Criterion, count: int) -> Choice:
-    """Return the indices of ``count`` states, chosen one by one so that each state lowers the criterion most.
-
-    The criterion is the number to be minimised, such as the variance of the modulus.
-    """
+    """Return the indices of ``count`` states, chosen one by one so that each state lowers the criterion most."""
     chosen: list[int] = []
     while len(chosen) < count:
         others = np.setdiff1d(np.arange(len(criterion)), chosen)
@@ -83,11 +77,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Exchange the states of a choice one at a time for better states, and return the improved choice.
-
-    A better state lowers the criterion, such as the variance of the modulus. The exchanges end if none lowers the
-    criterion, and after 20 rounds over all chosen states at the latest.
-    """
+    """Return a choice of states improved by exchanges of single states."""
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

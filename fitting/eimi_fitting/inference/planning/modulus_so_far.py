@@ -60,10 +60,7 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """The depth effect of a solid section, and the modulus in Pa with which it was first computed.
-
-    The depth effect is the displacements of the three-dimensional model minus the displacements of the planar model.
-    """
+    """Displacements of a three-dimensional beam minus those of a planar one, and the modulus in Pa used for them."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -85,19 +82,17 @@ class ModulusSoFar:
     states : int
         Number of states that the estimate uses.
     limited_by : str
-        The cause of uncertainty with the largest effect on the interval, in words: an uncertain input, or the noise of
-        the edges.
+        The uncertain input with the largest effect on the interval, or the noise of the edges, in words.
     bounds_Pa : tuple of float
-        Lower and upper bound of the modulus in the search, in Pa. The next estimate uses the same bounds.
+        Lower and upper bound of the modulus in the search, in Pa.
     unit : ndarray, shape (1,)
-        Unit coordinate of the optimum between the bounds, from 0 to 1. The next estimate starts at this coordinate.
+        The optimum of the fit, scaled to 0..1 between the bounds.
     narrowest_Pa : float
         Width of the narrowest interval so far, in Pa.
     noise_Pa : float
-        Width of the 95 % interval of the modulus in Pa from noise and mesh error alone. All residuals count as noise.
+        Width of the 95 % interval in Pa from noise and mesh error alone.
     depth : object, optional
-        Displacements of the three-dimensional model minus displacements of the planar model, for the next estimate.
-        None unless the section is solid.
+        Displacements of a three-dimensional beam minus those of a planar beam. None unless the section is solid.
     """
 
     value_Pa: float
@@ -118,21 +113,19 @@ class ModulusSoFar:
 
 
 def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -> ModulusSoFar:
-    """Fit a Neo-Hookean beam to the states measured so far in a run.
+    """Estimate the modulus of a Neo-Hookean beam from the states measured so far in a run.
 
     Parameters
     ----------
     experiment : Experiment
         The states measured so far.
     before : ModulusSoFar, optional
-        The estimate after the previous state, at which the fit starts.
+        The estimate after the previous state.
 
     Returns
     -------
     ModulusSoFar
-        The estimate from all states, or the earlier estimate if its interval is narrower and still valid. The interval
-        is valid under two conditions: the residuals of all states, counted as noise, would widen the interval by at
-        most 5 %, and the interval contains the estimate from all states.
+        The estimate from all states, or the earlier estimate if its interval is narrower and still valid.
 
     Raises
     ------
@@ -145,6 +138,8 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
     if before is None:
         return now
     (low, high), more_noise_Pa2 = before.interval_95_Pa, max(now.noise_Pa**2 - before.noise_Pa**2, 0.0)
+    # The residuals of all states, as noise, must hardly widen the earlier interval, and it must contain the new
+    # estimate.
     is_valid = np.hypot(before.width_Pa, np.sqrt(more_noise_Pa2)) <= _WIDTH_GROWS * before.width_Pa
     if not (is_valid and low <= now.value_Pa <= high):
         return now
@@ -154,7 +149,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate of the modulus from all states measured so far, starting at the estimate ``before``."""
+    """Return the estimate of the modulus from all states measured so far."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -193,14 +188,13 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals by the three-dimensional model, and compute the optimum for the corrected residuals.
+    """Correct the residuals by a three-dimensional beam model, and fit again.
 
     Returns
     -------
     tuple or None
-        The corrected problem, its optimum, the remaining error of the correction, and the displacements of the
-        three-dimensional model minus the displacements of the planar model. None if these displacements cannot be
-        interpolated.
+        The corrected problem, its optimum, the remaining error, and the change of the displacements by the
+        three-dimensional model; None if this change cannot be interpolated.
     """
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
@@ -231,7 +225,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the residuals of the edges, linearised at the optimum; all residuals count as noise."""
+    """Return the residuals of the edges near the optimum; all of them count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

@@ -36,12 +36,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rivals:
-    """S states that could distinguish a first law from a second law, the rival.
+    """S load states that could show which of two laws is true.
 
-    The rival is fitted to the edges of the first law, and its residuals r are the distances in mm between the edges of
-    both laws. The fit varies m quantities: the unknowns of the rival and the uncertain inputs. J are the derivatives of
-    r in these quantities, and w is the inverse variance of an independent edge point in 1/mm^2. The sums below give the
-    residuals that remain after the fit, for any choice of the states.
+    The second law (the rival) is fitted to the edges of the first law with m quantities: its unknowns and the uncertain
+    inputs.
 
     Attributes
     ----------
@@ -50,11 +48,11 @@ class Rivals:
     states : ndarray of int, shape (S,)
         Index of each state among all loads that were considered.
     square : ndarray, shape (S,)
-        w sum r^2 over the points of each state.
+        Sum of the squared residuals of the second law before the fit, in units of the noise variance.
     score : ndarray, shape (S, m)
-        w sum J'r over the points of each state (the gradient of half of ``square``).
+        Gradient of half of ``square`` in the m quantities.
     normal : ndarray, shape (S, m, m)
-        w sum J'J over the points of each state.
+        Hessian of half of ``square`` for linear residuals.
     prior : ndarray, shape (m, m)
         Inverse variance of the m quantities before the measurement.
     """
@@ -72,19 +70,14 @@ class Rivals:
     def variance(self, choices: Choice) -> Array:
         """Return 1 divided by the expected difference in AIC of two laws, for D choices of K states, shape (D,).
 
-        The chosen states should distinguish the two laws as well as possible. `exchange` finds the choice with the
-        smallest result, which has the largest difference. ``choices`` has the indices of the K states of each choice,
-        shape (D, K).
+        Each row of ``choices`` (D, K) has the indices of K states.
         """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference between the AIC of the two laws in the states ``choice``.
-
-        The first law is assumed true.
-        """
+        """Return the expected difference in AIC between two laws for the chosen states, if the first law is true."""
         return 1 / float(self.variance(choice[None])[0])
 
 
@@ -96,10 +89,9 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Compute what each possible state contributes to the distinction between two laws.
+    """Compute how well each possible load state distinguishes two laws.
 
-    States in which the beam has no equilibrium under one of the laws are left out. The edges of the other states are
-    linearised.
+    States in which the beam has no equilibrium are left out.
 
     Parameters
     ----------
@@ -110,7 +102,7 @@ def rivals(
     loads : Loads
         The states that could be measured.
     stated : sequence of StatedSource
-        Sources of uncertainty of the planned run.
+        Uncertain inputs of the planned run.
     noise : EdgeNoise
         Noise of the edges.
 

@@ -34,7 +34,7 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 @lru_cache(maxsize=8)
 def expected_bias(specimen: Specimen) -> float:
-    """Return the relative error of a modulus that is identified with a planar section.
+    """Return the relative error of a modulus that is identified with a planar instead of a solid beam model.
 
     Parameters
     ----------
@@ -71,10 +71,9 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return the loads of two states that bend the beam: half of the full load, then the full load.
+    """Return two loads: half of the load that turns the tip of the beam by about 45 degrees, and this load.
 
-    The load is a field across the beam if the specimen is magnetic, else a tip force. The full load turns the tip of
-    the beam by about 45 degrees. There is no gravity.
+    The load is a magnetic field or a tip force, without gravity.
     """
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Edges and their derivatives for P candidate laws with n parameters in K states.
+    """Simulated edges of the beam and their derivatives, for P laws with n parameters in K load states.
 
     Attributes
     ----------
@@ -26,8 +26,8 @@ class Sensitivity:
     slope : ndarray, shape (P, n, K, 2, m, 2)
         Derivatives of ``edges`` in the n parameters, in mm per unit of the parameter.
     converged : ndarray of bool, shape (P,)
-        Whether the candidate and its 2 n neighbours for the central differences all have an equilibrium. Otherwise the
-        edges and derivatives of the candidate are invalid.
+        Whether the beam has an equilibrium for the law and for the 2 n nearby laws of the central differences.
+        Otherwise its edges and derivatives are invalid.
     """
 
     edges: Array
@@ -38,7 +38,7 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the simulated edges of candidate laws, and the derivatives of the edges in the parameters.
+    """Return the simulated edges of the beam for P laws, and the derivatives of the edges in the parameters.
 
     Parameters
     ----------
@@ -47,12 +47,11 @@ def edge_sensitivity(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of P candidate laws, in the order and units of the law.
+        The n parameters of P laws, in the order and units of the law.
     loads : Loads
         The loads of K states.
     relative_step : float
-        Step of the central difference as a share of the parameter. If the parameter is zero, the step is the same share
-        of the initial shear modulus, or of 1 for a parameter without unit.
+        Step of the central difference as a share of the parameter, if the parameter is not zero.
     per_segment : int
         Number of points on each element along an edge.
 
@@ -77,6 +76,7 @@ def edge_sensitivity(
     parameters = np.atleast_2d(np.asarray(parameters, float))
     p, n = parameters.shape
     modulus = np.abs(law.initial_shear_modulus(parameters))[:, None]
+    # For a zero parameter, the step is a share of the modulus, or of 1 for a parameter without unit.
     size = np.where(np.array([unit == "1" for unit in law.units]), 1.0, modulus)
     step = relative_step * np.where(parameters != 0, np.abs(parameters), size)
     offsets = step[:, None, :] * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
