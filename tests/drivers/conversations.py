@@ -24,11 +24,11 @@ LINE_ENDS = {
 
 
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
-    """Send the messages of a conversation one after the other, and assert that every answer is the expected one.
+    """Send messages to an emulated supply one after the other, and assert that every answer is the expected one.
 
-    An entry of the conversation may also be an event: at SETTLE, 5 s of simulated time pass; at TRIP, a protection
-    switches the output off. dialect: name of the supply's driver, which determines the characters at the end of a
-    message. instrument: the emulated supply, which answers messages. coil: the model of this supply and its coil.
+    conversation: the messages with the answers. An entry may also be an event: SETTLE (5 s of simulated time pass) or
+    TRIP (a protection switches the output off). dialect: name of the supply's driver. coil: the model of this supply
+    and its coil.
     """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):

@@ -119,9 +119,9 @@ class Library:
 
 
 class AtOnce:
-    """A replacement of the thread in which the driver makes calls to the camera.
+    """A replacement of the thread in which the driver calls the camera: it makes each call at once.
 
-    It makes each call at once, in the same thread. If `hangs` is true, a call never ends.
+    If `hangs` is true, a call never ends.
     """
 
     hangs = False
@@ -443,10 +443,7 @@ def test_commands_are_made_one_after_the_other_in_a_thread_that_ends() -> None:
 
 
 class Features(Library):
-    """A replacement of the library with a camera whose settings can be written and read.
-
-    It serves the tests of `set_up`, the function of the driver that writes the settings.
-    """
+    """A replacement of the library with a camera whose settings can be written and read."""
 
     def __init__(self) -> None:
         super().__init__(SimulatedClock())

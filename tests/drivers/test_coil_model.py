@@ -29,10 +29,9 @@ STEADY_S = 50.0
 
 
 def energised(current_A: float = 0.8, voltage_V: float = 12.0, **options: Any) -> CoilSupply:
-    """Return a bipolar supply that has driven a constant current through its coil for a long time.
+    """Return a supply that has driven a constant current through a coil of 4 ohm for a long time.
 
-    The coil has 4 ohm and the time constant 0.5 s. A bipolar supply accepts negative set-points. current_A, voltage_V:
-    the set-points. options: further arguments of `CoilSupply`.
+    current_A, voltage_V: the set-points, which may be negative. options: further arguments of `CoilSupply`.
     """
     clock = SimulatedClock()
     coil = CoilSupply(clock, resistance_ohm=4.0, time_constant_s=0.5, **options)

@@ -28,8 +28,7 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 def made(kind: str, **members: Any) -> Any:
     """Return a driver class of a kind (supply, camera or sensor) that fulfils the contract, except for `members`.
 
-    members: attributes and methods of the class, in place of those of the contract. A member with the value None is
-    absent.
+    members: attributes and methods in place of those of the contract; None: the member is absent.
     """
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))

@@ -29,11 +29,7 @@ SWITCHED_OFF = {
 
 
 class ReopenedTransport(InProcessTransport):
-    """A line (connection to a supply) that, once cut, fails at every message until the driver reopens it.
-
-    If the fault of the emulated line is permanent, the line cannot be reopened: reopening raises
-    InstrumentDisconnected.
-    """
+    """A connection to a supply that, once cut, fails at every message until the driver reopens it."""
 
     def __init__(self, line: FaultyInstrument, clock: SimulatedClock) -> None:
         super().__init__(line, clock)

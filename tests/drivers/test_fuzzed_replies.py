@@ -79,10 +79,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """A line that damages the reply to every query and keeps the damaged replies in `handed_out`.
-
-    A line is a connection to an instrument. The functions in `spoils` damage the replies in turn.
-    """
+    """A connection that damages the reply to every query by the functions in `spoils`, one function after the other."""
 
     instrument: Responder
     spoils: list[Spoil]
@@ -100,7 +97,7 @@ class FuzzedLine:
 
 
 def number_in_reply(reply: bytes, driver: str) -> float:
-    """Return the number in a complete reply. The function is independent of the code of the drivers."""
+    """Return the number in a complete reply."""
     end = b"\r" if driver == "genesys" else b"\n"
     text = reply[:5] if driver == "korad" else reply[: reply.index(end) + 1]
     clean = text.decode("ascii").strip("\0 \t\r\n")

@@ -167,7 +167,7 @@ def test_the_control_port_is_that_of_gige_vision() -> None:
 
 
 class Line:
-    """One end of a connection between two processes, with the messages that arrive."""
+    """One end of the connection between the program and the process of a camera, with the messages that arrive."""
 
     def __init__(self, *coming: Any) -> None:
         self.coming = list(coming)
@@ -193,7 +193,7 @@ class Line:
 
 
 class Process:
-    """A replacement for a process: it ends as soon as it is joined, or never if `hangs` is true."""
+    """A replacement for the process that serves a GigE camera: it ends when it is joined, or never if `hangs`."""
 
     def __init__(self, hangs: bool = False, exitcode: int | None = None) -> None:
         self.hangs, self.exitcode = hangs, exitcode
@@ -218,10 +218,10 @@ class Process:
 
 @contextmanager
 def started(monkeypatch: pytest.MonkeyPatch, process: Process, *answers: Any) -> Iterator[tuple[CameraProcess, Line]]:
-    """Serve a camera from `process`, a replacement for another process.
+    """Start to serve an emulated GigE camera; `process` takes the place of the process that serves it.
 
-    Yield the camera and the program's end of the connection between the two processes. answers: the messages that
-    arrive at this end.
+    Yield the camera, and the program's end of its connection to that process. answers: the messages that arrive at this
+    end.
     """
     here, there = Line(*answers), Line()
 
@@ -299,11 +299,7 @@ def default_interrupt() -> Iterator[None]:
 
 @pytest.fixture
 def serving(monkeypatch: pytest.MonkeyPatch, default_interrupt: None) -> SimpleNamespace:
-    """Replace the function that serves an emulated camera, and return an object that records how it was called.
-
-    The tests call `_serve`, which runs in the process of a camera and calls the replaced function. The attribute
-    `given` records the arguments of that call, and `lost` the requests to lose packets.
-    """
+    """Replace the function that serves an emulated camera, and return an object that records its arguments."""
     camera = SimpleNamespace(failure=None, lost=[], given=())
 
     @contextmanager

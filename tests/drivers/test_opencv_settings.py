@@ -66,10 +66,7 @@ class Capture:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
-    """A function that opens a camera device or a video file as the driver does, without its thread for reading frames.
-
-    OpenCV's capture is replaced by `Capture`. The function returns the object with which the driver reads frames.
-    """
+    """Return a function that opens a camera device or a video file without a thread that reads its frames."""
     monkeypatch.setattr(opencv, "DEVICES", tmp_path)
     monkeypatch.setattr(cv2, "VideoCapture", Capture)
 

@@ -36,9 +36,9 @@ LIMITS = Limits(1.0, 12.0)
 
 
 class Timed:
-    """A line (connection to an instrument) that records each message with the time at which it was sent.
+    """A connection to an instrument that records each message with the time at which it was sent.
 
-    Every read returns `answer` or raises `error`. If neither is set, a read times out.
+    A read returns `answer`, raises `error`, or times out if neither is set.
     """
 
     def __init__(self, clock: SimulatedClock, answer: bytes = b"") -> None:
@@ -153,7 +153,7 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
     """An emulated supply with a fault, in simulated time: the object that serves it, the supply, and the printed lines.
 
-    The fault begins 3 s after a current has begun to flow: the measured current of the supply gets an offset.
+    The fault is an offset of the measured current, 3 s after a current has begun to flow.
     """
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)

@@ -104,11 +104,7 @@ def complains_while(on: bool) -> Callable[..., None]:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes a faulty method for a driver class, from the name of the method.
-
-    The faulty method works as the right method, but hides exceptions of the classes `errors`: it returns None instead
-    of raising them.
-    """
+    """Return a function that makes a faulty method: it hides exceptions of the classes `errors`, and returns None."""
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:

@@ -151,10 +151,9 @@ BEGAN_S = 100_000.0
 
 
 class DrawnCamera:
-    """A replacement for a camera, which draws a beam at a place that follows the current of the coil.
+    """A replacement for a camera: its pictures show a beam that swings and comes to rest after a change of the current.
 
-    After each change of the current, the beam swings and comes to rest. `event` is called with the number of each frame
-    before the frame is taken, so that a test can let something happen.
+    event: function that is called with the number of each frame before the frame is taken.
     """
 
     def __init__(self, coil: CoilSupply, clock: SimulatedClock, draw: Callable[..., np.ndarray]) -> None:

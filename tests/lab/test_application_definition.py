@@ -23,10 +23,7 @@ EDGES = EdgeSet(EdgePoints(POINTS, POINTS[:, 0] + 0.01), EdgePoints(POINTS, POIN
 
 
 def dates(path: Path) -> dict[str, Any]:
-    """Return the dates in a dataset, by their paths, in the types in which a checking program reads them.
-
-    A text of variable length is read as str.
-    """
+    """Return the dates in a dataset, by their paths, in the types in which a checking program reads them."""
     with h5py.File(path) as file:
         return {
             name: entry.asstr()[()] if entry.dtype.hasobject else entry

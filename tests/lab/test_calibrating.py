@@ -30,10 +30,7 @@ TURNS = [(0, 0, 1.2), (25, 0, 2), (-25, 5, -3), (0, 30, 5), (5, -30, 0), (20, 20
 
 
 def board_texture(board):
-    """Return the brightness of a board on a fine grid, and the number of grid cells per mm.
-
-    The grid has a margin of one square around the board.
-    """
+    """Return the brightness of a board on a fine grid with a margin of one square, and the number of cells per mm."""
     cells = 20
     if board.kind == "circles":
         x, y = np.meshgrid(*(np.arange(cells * n) % cells + 0.5 for n in (board.columns, board.rows)))
@@ -45,9 +42,9 @@ def board_texture(board):
 
 @lru_cache
 def camera_rays(dx, dy, bent):
-    """Return the direction (right, down, away) of a ray of light for each of the n pixels of the picture, (n, 3).
+    """Return the direction (right, down, away) of the ray of light through each of n pixels, (n, 3).
 
-    The ray passes through the point (dx, dy) px beside the centre of the pixel. bent: whether the lens has distortion.
+    dx, dy: displacement of the ray from the centre of the pixel in px. bent: whether the lens has distortion.
     """
     place = np.indices(SIZE[::-1])[::-1].reshape(2, -1).T + np.array([dx, dy])
     rays = cv2.undistortPoints(place.reshape(-1, 1, 2), MATRIX, DISTORTION if bent else np.zeros(5))[:, 0]

@@ -24,8 +24,8 @@ RULE = Ramp(rate_A_per_s=0.5, step_A=0.1, tolerance_A=0.02, down_within_s=2.0)
 class Supply:
     """A replacement for a supply in simulated time, whose measured currents are prepared.
 
-    Each set-point takes `exchange_s` (s). The function `meter` gives the measured current (A) from the set-point (A)
-    and the time (s).
+    exchange_s: time that each set-point takes (s). meter: function from set-point (A) and time (s) to the measured
+    current (A).
     """
 
     limits = Limits(2.0, 10.0)
@@ -157,9 +157,9 @@ def test_swapped_leads_change_the_sign_of_every_current() -> None:
 
 
 def watched(supply: Supply, coil: Coil, seconds: float, **options: Any) -> list[float]:
-    """Call `coil.watch` every 0.1 s for some seconds, as a run does; return the times (s) of its measurements.
+    """Let a run watch its coil for some seconds; return the times (s) at which it measured the current.
 
-    The current is measured only if the last measurement is old enough. options: arguments of `Coil.watch`.
+    options: arguments of `Coil.watch`.
     """
     supply.measured_s.clear()
     supply.checked_s.clear()

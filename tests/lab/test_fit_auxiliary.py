@@ -54,8 +54,6 @@ def bent_places() -> np.ndarray:
 def write_points(folder: Path, change=lambda places: places) -> None:
     """Write states.csv, points.csv and strip.toml of a horizontal silicone strip under three tip forces.
 
-    The shear modulus of the strip is 46 kPa.
-
     change: function that alters the coordinates of the points, shape (3, 9, 2): states, points, x and y in mm.
     """
     places = change(bent_places().copy())
@@ -71,7 +69,7 @@ def write_points(folder: Path, change=lambda places: places) -> None:
 
 
 def import_points(folder: Path, run, name: str = "strip.h5", **options) -> None:
-    """Write the files of `write_points`, and import them as the dataset `name`."""
+    """Write the files of a silicone strip under three forces, and import them as the dataset `name`."""
     write_points(folder, **options)
     tables = ("--states", folder / "states.csv", "--specimen", folder / "strip.toml", "--gravity-angle", "90")
     status, message = run("import", folder / "points.csv", *tables, "-o", folder / name)

@@ -17,11 +17,11 @@ from eimi_lab.vision.flags import CHECKS, judge
 
 
 class Row(NamedTuple):
-    """A row of the table of quality checks: the flag (warning), and the limits of the measured value.
+    """A row of the table of quality checks: a warning, and the limits of the measured value.
 
-    severity: the severity of a value beyond `limit`. unusable: the second limit, beyond which a state is unusable.
-    below: whether values below the limits get the flag, instead of values above. adds: an example of a value that makes
-    a state doubtful, the standard deviation that this value adds to the points, and the unit of this deviation.
+    severity: severity of a value beyond `limit`. unusable: a second limit, beyond which a state is unusable. below:
+    whether small values get the warning, instead of large ones. adds: a value that makes a state doubtful, the standard
+    deviation that it adds to the points, and the unit.
     """
 
     name: str

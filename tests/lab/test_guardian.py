@@ -258,8 +258,7 @@ def stand_still(coil: Coil, guardian: Guardian, bench: Bench) -> None:
 def check_for(guardian: Guardian, seconds: float) -> None:
     """Let a run check for some seconds whether its guardian answers.
 
-    The guardian is the process that switches the coil off if the run dies. One check is not enough: if the guardian was
-    stopped, the run first reads the reports that the guardian sent before.
+    The guardian is the process that switches the coil off if a run dies.
     """
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:

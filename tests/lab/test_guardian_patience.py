@@ -88,9 +88,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Passing:
 
 
 class Run:
-    """A run that sends messages through a pipe to the guardian, the process that switches the coil off if a run dies.
+    """A run that sends messages at given times to its guardian.
 
-    Each message is sent at a given time.
+    The guardian is the process that switches the coil off if a run dies.
     """
 
     def __init__(self, clock: Passing, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,11 +118,10 @@ class Run:
         return False
 
     def decided(self, *messages: tuple[float, bytes]) -> tuple[Takeover | None, Ward, float]:
-        """Send messages of a run to its guardian; return why the guardian takes over, for which supply, and when (s).
+        """Return why the guardian takes over from a run, for which supply, and when (s).
 
-        Each message has its time (s) from the beginning, and an empty message is the end of the run. If the run ended
-        with the coil off, the guardian does not take over, and the reason is None. The guardian is the process that
-        switches the coil off if the run dies.
+        The reason is None if the run ended with the coil off. The guardian is the process that switches the coil off if
+        a run dies. messages: pairs of time (s) and message.
         """
         self._due = list(messages)
         takeover, ward = _wait_until_needed(WARD)
@@ -193,8 +192,7 @@ def test_the_guardian_switches_off_the_supply_that_the_run_named(run: Run) -> No
 class Attempts:
     """A replacement for the function that tries to switch the coil off.
 
-    The first calls raise the exceptions `errors`, one after the other. The later calls succeed if `succeed` is true;
-    otherwise they raise the last exception again.
+    errors: exceptions of the first calls. succeed: whether later calls succeed.
     """
 
     def __init__(self, clock: Passing, *errors: Exception, succeed: bool) -> None:
@@ -215,10 +213,7 @@ class Attempts:
 
 
 class Process:
-    """A replacement for the process of a run; it records how often the guardian kills the run.
-
-    The guardian is the process that switches the coil off if a run dies.
-    """
+    """A replacement for the process of a run; it records how often the run is killed."""
 
     def __init__(self) -> None:
         self.killed = 0

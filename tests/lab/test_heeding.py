@@ -49,9 +49,9 @@ OFF = Off(0.001, 0.02)
 
 
 class Recorder:
-    """A replacement for a coil, or for the guardian process that switches coils off; it appends its calls to a list.
+    """A replacement for a coil, or for the process that switches coils off; it appends its calls to a list.
 
-    `errors` contains, by the name of a method, the error that a call of this method raises.
+    errors: the error that a method raises, by its name.
     """
 
     unreachable = ""
@@ -77,10 +77,7 @@ def heeded(did: list[Any], coil: Any, guardian: Any) -> _SignalsHeeded:
 
 
 class Heeding:
-    """A run whose coil and guardian record their calls, and the object that handles the signals of the run.
-
-    The guardian is the process that switches the coil off if a run dies.
-    """
+    """A run whose coil records its calls, and the object that handles the signals of the run."""
 
     def __init__(self) -> None:
         self.did: list[Any] = []
@@ -276,10 +273,9 @@ class Sensor:
 
 
 def sensing(*sensors: tuple[str, str, Sensor]) -> tuple[Sensing, SimulatedClock, list[str]]:
-    """Return a reader of sensors, its clock, and the list that collects its warnings and signs of life ("beat").
+    """Return a reader of sensors, its clock, and the list of its warnings and signs of life ("beat").
 
-    By a sign of life, a run shows its guardian process that it still works. sensors: name, measured quantity and
-    replacement of each sensor.
+    sensors: name, measured quantity and replacement of each sensor.
     """
     clock = SimulatedClock()
     told: list[str] = []
@@ -328,10 +324,7 @@ def test_sensors_are_described_before_a_run_and_have_the_unit_of_their_quantity(
 
 
 class Traced:
-    """An instrument whose calls are recorded as texts in the list `did`, which several instruments share.
-
-    A call that equals the last entry of the list is not recorded again.
-    """
+    """An instrument whose calls are recorded as texts in the list `did`, without repetitions."""
 
     def __init__(self, real: Any, name: str, did: list[str], left_out: tuple[str, ...] = ()) -> None:
         self._real, self._name, self._did, self._left_out = real, name, did, left_out

@@ -262,10 +262,7 @@ def test_overlays_that_do_not_fit_on_the_disk_leave_no_files(run: Run, files: Pa
 
 
 def within(room: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run an `eimi` command that may write files of at most `room` bytes.
-
-    The command runs in another process, because HDF5 may crash at the limit.
-    """
+    """Run an `eimi` command in another process that may write files of at most `room` bytes."""
     return subprocess.run(
         [sys.executable, "-m", "eimi_lab", *map(str, arguments)],
         capture_output=True,

@@ -26,10 +26,7 @@ REST_MM = np.array([[5.0, 0.5], [10.0, 0.0]])
 
 
 def swing(frames: int = 120) -> np.ndarray:
-    """Return the coordinates (x, y) of two points in mm in each frame, shape (frames, 2, 2).
-
-    The points are held for `HELD` frames, and then vibrate about a sagged position.
-    """
+    """Return the coordinates of two points in each frame, (frames, 2, 2) in mm, which are held and then vibrate."""
     time = np.maximum(np.arange(frames) - HELD, 0) / RATE_HZ
     swinging = 1.5 * np.exp(-DECAY_PER_S * time) * np.cos(2 * np.pi * FREQUENCY_HZ * time)
     places = np.repeat(REST_MM[None], frames, axis=0)

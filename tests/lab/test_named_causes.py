@@ -43,9 +43,9 @@ REST = np.column_stack([np.linspace(5, 24, 6), np.zeros(6)])
 
 @cache
 def places(gravity_deg: float | None = 30.0) -> np.ndarray:
-    """Return the coordinates (x, y) in mm of six points on a beam in three fields, shape (3, 6, 2).
+    """Return the coordinates (x, y) of six points on a simulated beam in three fields, (3, 6, 2) in mm.
 
-    The shear modulus of the beam is 46 kPa. gravity_deg: direction of gravity in the beam frame, None without gravity.
+    gravity_deg: direction of gravity in the beam frame; None without gravity.
     """
     magnet = Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)).refined()
@@ -54,7 +54,7 @@ def places(gravity_deg: float | None = 30.0) -> np.ndarray:
 
 
 def bent() -> Experiment:
-    """Return an experiment (beam model, loads and measured points) with the points that `places` returns."""
+    """Return an experiment (beam model, loads and measured points) of a simulated beam in three fields."""
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     observed = PointObservation(np.tile(REST, (3, 1, 1)), places(), np.full((3, 6), 0.005))
     return Experiment(model, Loads.along(FIELD_MT, 90.0, 30.0), observed)
@@ -65,8 +65,8 @@ def fit(
 ) -> tuple[int, str]:
     """Import points on a beam with the given loads, and fit a law; return the exit status and the last printed line.
 
-    points: the points, shape (3, 6, 2), by default the points that `places` returns. fields: the field in each state
-    (mT). gravity: direction of gravity in degrees, as text. magnet: the table [magnet] of the specimen file.
+    points: coordinates in mm, (3, 6, 2). fields: the field in each state (mT). gravity: direction of gravity in
+    degrees, as text. magnet: the table [magnet] of the specimen file.
     """
     rows = [
         f"{k},p{i},{REST[i, 0]},{REST[i, 1]},{x:.6f},{y:.6f},0.005"

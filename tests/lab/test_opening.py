@@ -41,11 +41,10 @@ class Instrument:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A rig with two sensors, in which the lock, the guardian, the supply and the sensors are replaced.
+    """A rig in which the lock, the guardian, the supply and two sensors are replaced.
 
-    The guardian is the process that switches the coil off if a run dies. done: the calls of the replacements in their
-    order. given: the arguments of each call, by the name of the replacement. A test sets `missing` to the name of an
-    instrument that cannot be opened, and `broken` to the name of an instrument that cannot be closed.
+    The guardian is the process that switches the coil off if a run dies. done, given: the calls of the replacements,
+    and their arguments. missing, broken: names of instruments that cannot be opened, or not closed.
     """
     made = SimpleNamespace(done=[], given={}, missing="", broken="")
 

@@ -125,7 +125,7 @@ def test_every_option_of_a_fit_reaches_the_mathematics(curve: Path) -> None:
 
 @dataclasses.dataclass
 class Reached:
-    """The arguments of a call by a command. A test has replaced the called function by a function that stores them."""
+    """The arguments of a call by a command."""
 
     given: tuple[Any, ...]
     named: dict[str, Any]

@@ -31,10 +31,9 @@ SWEEP = "start_A = 0.0\nstop_A = 0.3\nstep_A = 0.1"
 
 
 def typist(setup: Any, paused_for: int) -> Callable[[], str | None]:
-    """Return a replacement for the keyboard: a function that returns the line that a user types, or None for no line.
+    """Return a replacement for the keyboard, on which a user pauses the run with `p` in the first state with a current.
 
-    The user types `p`, which pauses the run, in the first state with a current. In the pause the function is called
-    again and again; at the call with the number `paused_for`, the user presses Enter.
+    paused_for: number of the call in the pause at which the user presses Enter.
     """
     looks: list[bool] = []
 

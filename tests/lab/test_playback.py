@@ -53,10 +53,7 @@ class Pictures:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[Pictures]:
-    """The list of the recordings that a test opens; it is empty at first.
-
-    The fixture also removes the wait of the camera before it shows a picture again, so that the test is quick.
-    """
+    """The list of the recordings that a test opens; it is empty at first."""
     monkeypatch.setattr(playback, "HELD_FRAME_S", 0.0)
     return []
 

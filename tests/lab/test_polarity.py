@@ -47,10 +47,9 @@ def bench(setup: Any) -> Any:
 
 
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
-    """Return a replacement for a user who swaps the leads of the coil when the run asks for it, and then presses Enter.
+    """Return a replacement for a user who swaps the leads of the coil when the run asks for it.
 
-    The function returns the typed line, or None if the user types nothing. At each call with the output off, it appends
-    to `answered` whether the set-point of the current is zero.
+    answered: list to which each call with the output off appends whether the set-point of the current is zero.
     """
 
     def typed() -> str | None:

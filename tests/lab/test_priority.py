@@ -43,9 +43,8 @@ def test_a_process_in_the_session_of_another_process_lowers_only_itself() -> Non
 
 
 def after_giving_way(leads_a_session: bool) -> tuple[int, int, str]:
-    """Start a process that lowers its own priority; return by how much its nice value rose, and the new nice value.
+    """Let a process lower its own priority; return the rise of its nice value, the value, and its /proc/self/autogroup.
 
-    Also return the contents of /proc/self/autogroup, which show the priority of the session of this process.
     leads_a_session: whether the process is the leader of a session.
     """
     options = detached() if leads_a_session else {}

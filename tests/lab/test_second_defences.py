@@ -51,7 +51,7 @@ RAMP = Ramp(rate_A_per_s=1.0, step_A=0.1, tolerance_A=0.02)
 class FilmedBeam:
     """A replacement for a camera: its n-th frame shows a beam at the place `place_px(n)`.
 
-    First come `buffered` old frames, which show the beam at 40 px, unless `flush` has discarded them.
+    buffered: number of old frames that come first.
     """
 
     def __init__(self, place_px: Callable[[int], float], draw: Callable[..., NDArray[Any]]) -> None:
@@ -325,7 +325,7 @@ class Interrupting(KoradDialect):
 
 
 def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0) -> tuple[KoradSupply, list[bytes]]:
-    """Return an emulated Korad supply whose output is on, and the list of all messages sent to it.
+    """Return an emulated supply whose output is on, and the list of all messages sent to it.
 
     interruption: the object that handles signals between two messages. signals: number of signals that the emulator
     sends to this process when the current is set to 0.7 A.

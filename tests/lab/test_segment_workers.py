@@ -39,10 +39,7 @@ def imported(run: Run, files: Path, images: list[NDArray[np.uint8]]) -> Path:
 
 
 def content(path: Path) -> dict[str, bytes]:
-    """Return the contents of all arrays of a dataset: a dictionary from the name of an array to its bytes.
-
-    The date at which the edges were found is left out, because it differs between two equal datasets.
-    """
+    """Return the contents of all arrays of a dataset: a dictionary from the name of an array to its bytes."""
     arrays: dict[str, bytes] = {}
 
     def keep(name: str, item: h5py.Group | h5py.Dataset) -> None:

@@ -32,8 +32,7 @@ TRUE_MT_PER_A, REMANENT_MT = 4.5, 0.03
 class Emulated:
     """Emulated sensors of a bench, to which a test can add faults.
 
-    `line` contains the emulated connection to each sensor, by the name of the sensor, and `quantity` its measured
-    quantity.
+    line, quantity: the emulated connection and the measured quantity, by the name of the sensor.
     """
 
     def __init__(self, setup: Any, *tables: str) -> None:

@@ -61,9 +61,9 @@ def test_the_compared_band_of_pixels_lies_along_the_edges() -> None:
 
 
 def band_of_the_whole_picture(image: np.ndarray) -> np.ndarray:
-    """Return a mask of the pixels near an edge in the picture, computed in the whole picture at once.
+    """Return a mask of the pixels within 4 px of a steep gradient of the picture.
 
-    A pixel is near an edge if, within 4 px, the gradient is at least a quarter of the steepest gradient.
+    Steep is at least a quarter of the largest gradient.
     """
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)
     steepness = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
@@ -104,7 +104,7 @@ def test_a_stored_band_of_pixels_gives_the_same_ratio() -> None:
 class Swinging:
     """A replacement for a camera and for the clock: the beam moves in small steps, and is then at rest.
 
-    `shifts_px` holds the displacement of the beam in each frame; the last one is kept.
+    shifts_px: the displacement of the beam in each frame.
     """
 
     def __init__(self, shifts_px: list[float]) -> None:

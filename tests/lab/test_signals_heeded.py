@@ -32,9 +32,9 @@ OFF = Off(0.004, 0.02)
 
 
 class Part:
-    """A replacement for a coil, or for the guardian process that switches the coil off if a run dies.
+    """A replacement for a coil, or for the process that switches it off if a run dies; it records its calls.
 
-    It records the calls of its methods, which raise the errors in `errors`.
+    errors: the errors that the calls raise.
     """
 
     def __init__(self, done: list[Any], **answers: Any) -> None:

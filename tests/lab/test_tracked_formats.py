@@ -30,10 +30,7 @@ STATES = "frame,field_mT\n{0},0\n{1},2.5\n"
 
 
 def in_pixels(files: Path) -> np.ndarray:
-    """Return the pixels (x, y) of three points of a beam, first at rest and then bent, shape (2, 3, 2).
-
-    The scale and the clamp in calibration.toml determine the pixels.
-    """
+    """Return the pixels (x, y) of three points of a beam, first at rest and then bent, shape (2, 3, 2)."""
     frame = BeamFrame(load_calibration(files / "calibration.toml"))
     return np.stack([frame.to_px(REST_MM), frame.to_px(BENT_MM)])
 
@@ -106,12 +103,10 @@ def test_dice_files_of_subsets_are_imported(run: Run, files: Path) -> None:
 def ncorr_grid(
     places: np.ndarray, spacing: int, pixel: float
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return tracked points in the form in which Ncorr stores them: places on a regular grid, and displacement fields.
+    """Return tracked points in the form in which Ncorr stores them: grid points, and displacements along x and y.
 
     places: the points in each picture in px, shape (pictures, n, 2). spacing: number of pixels between two points of
-    the grid. pixel: size of a pixel in the unit of the displacements. The result is the n grid points nearest to the
-    points of the first picture in px, shape (n, 2), and for each further picture the displacements along x and y at all
-    grid points.
+    the grid. pixel: size of a pixel in the unit of the displacements.
     """
     on_grid = np.rint(places[0] / (spacing + 1)).astype(int)
     fields = []

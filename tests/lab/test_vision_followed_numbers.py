@@ -94,11 +94,10 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 
 
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
-    """Return an unrolled picture of a beam 24 px wide, with noise: grey values on a grid that follows the middle line.
+    """Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
 
-    colours: the grey values without noise, shape (n, 53). The grid has n places along the beam, 1/12 of the beam's
-    width apart, and at each place 53 points across the beam, 1/24 of the width apart. turn_rad: angle (rad) by which
-    the beam turns on each width of its length.
+    colours: the grey values without noise, shape (n, 53). turn_rad: angle by which the beam turns on each width of its
+    length.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0
@@ -118,10 +117,7 @@ def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
 
 
 def bright_beam(stations: int) -> Array:
-    """Return the grey values of a bright beam (200) on a dark background (50), shape (stations, 53).
-
-    The first axis is along the beam. The second axis is across the beam, which is 23 of the 53 points wide.
-    """
+    """Return the grey values of a bright beam (200) on a dark background (50), (stations, 53): along and across."""
     return np.tile(np.where(np.abs(np.arange(-26, 27)) < 12, 200.0, 50.0), (stations, 1))
 
 

@@ -65,11 +65,10 @@ def test_the_border_of_a_shadow_is_avoided_in_colour_and_doubtful_in_grey(seed):
 
 
 def on_its_shadow(widest: float, blur_px: float, tint: float):
-    """Draw a yellow beam 21 px wide that hangs from (100, 20) in front of a grey wall, with its shadow on its right.
+    """Draw a yellow beam that hangs in front of a grey wall, with its shadow on its right.
 
-    The beam is darker toward its shadow. The shadow touches the beam and becomes wider toward the tip, up to `widest`
-    widths of the beam. blur_px: standard deviation of the blur of the picture. tint: share of the beam's colour that
-    the beam reflects into the shadow.
+    widest: largest width of the shadow, in widths of the beam. blur_px: standard deviation of the blur. tint: share of
+    the beam's colour that the beam reflects into the shadow.
     """
     y, x = np.mgrid[0:280, 0:220].astype(float)
     wall, beam = np.array([152.0, 161.0, 167.0]), np.array([32.0, 89.0, 107.0])
@@ -284,9 +283,9 @@ def test_a_beam_that_leaves_the_picture_keeps_its_long_edges():
 
 
 def stripes(*shown, aside_px=0.0):
-    """Draw a red stripe left of the clamp's midpoint and a blue stripe right of it, each as long and wide as the beam.
+    """Draw the stripes in `shown`: a red one left of the clamp and a blue one right of it, as large as the beam.
 
-    Only the stripes in `shown` ("red", "blue") are drawn. `aside_px` shifts the picture to the right.
+    aside_px: shift of the picture to the right.
     """
     image = np.full((96, 128, 3), 120.0)
     for name, colour, columns in (("red", (40, 60, 200), slice(48, 63)), ("blue", (200, 170, 40), slice(66, 81))):
@@ -298,11 +297,10 @@ def stripes(*shown, aside_px=0.0):
 
 
 def followed_in(run, files, *states, aside_px=(0.0,) * 9, workers=1, along=()):
-    """Segment a dataset of pictures with a red and a blue stripe; return the stripe that was taken as the beam.
+    """Segment pictures with a red and a blue stripe; return which stripe was taken as the beam in each state.
 
-    The result for a state is "red" or "blue", followed by ", in doubt" if the flag (warning) ROOT_AMBIGUOUS was raised.
-    states: for each state, the stripes in its picture. aside_px: shift of each picture to the right. workers, along:
-    options of `eimi segment`.
+    ", in doubt" is added if the program warns. states: the stripes in each picture. aside_px: shift of the pictures to
+    the right. workers, along: options of `eimi segment`.
     """
     pictures, dataset_file = files / f"pictures_{len(states)}{along}", files / f"{len(states)}{along}.h5"
     pictures.mkdir()

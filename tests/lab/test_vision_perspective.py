@@ -28,10 +28,7 @@ CLAMP = [[0.0, -8.0], [0.0, 8.0], [-15.0, 8.0], [-15.0, -8.0]]
 
 
 def photographed_edges(calibration):
-    """Return the edges in rendered frames of a virtual beam at several fields, and the view of the lens.
-
-    The view describes the perspective; it is None for a telecentric lens.
-    """
+    """Return the edges in rendered frames of a virtual beam at several fields, and the perspective of the lens."""
     frame, specimen = BeamFrame(calibration), SPECIMEN.mechanics()
     material = TrueMaterial(model="neo-hookean", parameters={"mu_Pa": TRUE_PA})
     view = frame.view(specimen.depth_mm, SIZE)
@@ -52,8 +49,7 @@ def photographed_edges(calibration):
 def fitted(edges, view):
     """Return the shear modulus (Pa) with the smallest error of the edges, and this error (mm).
 
-    The error is the root mean square in each state, averaged over the states. edges, view: as `photographed_edges`
-    returns them.
+    edges: points of the edges in several fields. view: the perspective of the lens, or None.
     """
     frame, model = BeamFrame(CALIBRATION), SolidBeside(SPECIMEN.mechanics(), *MESH)
     loads = Loads.along(list(FIELDS_MT), frame.field_deg, frame.gravity_deg)

@@ -29,9 +29,9 @@ def restless(setup: Any) -> None:
 
 
 def spoil_at(setup: Any, current_A: float, fault: Any) -> list[float]:
-    """Let a fault occur at the first frame with the set-point `current_A`; return a list that collects two times (s).
+    """Let a fault occur at the first frame with the set-point `current_A`; return a list of two times (s).
 
-    The first time is the moment of the fault. The second is the moment at which the run switches the output off.
+    They are those of the fault and of switching the output off.
     """
     times_s: list[float] = []
     switch = setup.coil.switch

@@ -52,7 +52,7 @@ with DatasetWriter(folder / "run.h5", header, Frame(image(0), 0, 0.0)) as writer
 def records(trace: bytes) -> Iterator[tuple[str, int, bytes]]:
     """Yield the kind (a letter), the offset and the bytes of each record in a trace of writes.
 
-    The letter A marks the moment at which a state was reported as stored.
+    The letter A stands for the report that a state was stored.
     """
     at = 0
     while at < len(trace):

@@ -44,8 +44,7 @@ class Answer:
 class Served:
     """The dashboard's page while it is served from a folder.
 
-    `ask` sends a request with the token of the page, the secret text that every request must contain. With the argument
-    `X_Eimi_Token`, it sends another token, or no token if the argument is empty.
+    `ask` sends a request with the token of the page (its secret text), or with another token, X_Eimi_Token.
     """
 
     folder: Path
@@ -172,10 +171,7 @@ class EmulatedBench:
 
 @pytest.fixture
 def emulated_bench(files: Path, frame: Callable[..., Any]) -> Iterator[EmulatedBench]:
-    """A served emulated bench whose protocol has 451 states and takes minutes, so that no run ends during a test.
-
-    A run waits at least one second for the beam to rest in each state, so that the page computes few edges meanwhile.
-    """
+    """A served emulated bench whose protocol takes minutes, so that no run ends during a test."""
     (files / "shots").mkdir()
     for number in range(4):
         cv2.imwrite(str(files / "shots" / f"f_{number}.png"), frame(number, 3.0 * number))

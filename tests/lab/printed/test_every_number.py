@@ -122,8 +122,7 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
     """Return, for each figure of one fit in a report, from which stored result each printed number comes.
 
-    A number is described by the field in the stored results, the factor from this field to the printed number, and the
-    unit (`traced`).
+    An entry has the field of the stored results, the factor from this field to the printed number, and the unit.
     """
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
@@ -153,9 +152,7 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
     """Return, for each figure that compares two laws, from which predicted value each printed number comes.
 
-    The predictions of the two laws are invented numbers. A printed number is described by the place of the invented
-    number, such as `states.0.field_mT`, the factor from this number to the printed number, and the unit. Both laws are
-    the law of `fit`; the figures show the second one as the law of a tensile fit.
+    The predictions are invented numbers. An entry has the place of the invented number, the factor, and the unit.
     """
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],

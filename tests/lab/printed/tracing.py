@@ -34,9 +34,9 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries with new numbers, no two of which are equal.
+    """Return nested lists and dictionaries in which all numbers are replaced by different ones, of about the same size.
 
-    Each number keeps its sign and its approximate size.
+    start: the number of the first replacement.
     """
     count = start
 
@@ -68,10 +68,7 @@ def numbers_of(content: Any, path: str = "") -> dict[str, float]:
 
 
 def changed(content: Any, path: str) -> Any:
-    """Return a copy of nested lists and dictionaries, in which the number at `path` is larger.
-
-    An integer becomes larger by 7, and zero becomes 0.1.
-    """
+    """Return a copy of nested lists and dictionaries, in which the number at `path` is larger."""
     again = copy.deepcopy(content)
     part, *rest = again, *path.split(".")
     keys = [int(key) if key.isdigit() else key for key in rest]
