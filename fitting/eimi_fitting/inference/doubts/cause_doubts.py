@@ -59,7 +59,7 @@ def cause_doubts(
 
 
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
-    """Return whether deviations of the inputs within their stated uncertainties explain the residuals of a fit."""
+    """Return whether the stated uncertainties of the inputs (such as the width) explain the residuals of a fit."""
     if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
         return False
     misfits = (e.observed.of_residuals(r[None]) for e, r in zip(experiments, weighed.remaining, strict=True))
@@ -89,7 +89,7 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two other errors of the test bench that may have caused the residuals instead of the first one."""
+    """Return at most two errors of the test bench that may be present instead of the first error in ``causes``."""
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
     either = [
@@ -101,7 +101,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the first two causes of the residuals if both are probably present, else the first alone."""
+    """Return the first two errors of the test bench if both are probably present, else the first alone."""
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 

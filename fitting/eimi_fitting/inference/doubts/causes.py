@@ -246,12 +246,12 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of deviations of inputs that the residuals do not distinguish."""
+    """Return the probability of each group of deviations of inputs (such as width and scale) with the same effect."""
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the fewest sets of causes whose probabilities add up to 0.95."""
+    """Return the indices of the fewest sets of test bench errors that have a probability of 0.95 together."""
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

@@ -1,11 +1,9 @@
 """Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
 
-The error of a state is its root mean square residual. The beam model does not explain a state if the error exceeds both
-of two limits. One limit is three times the stated uncertainty of the points. The other is a twentieth of the largest
-deflection, or half the width of the beam if this is smaller. Edges of another beam, a wrong scale or a wrong sign of
-the field cause errors of this size. The fit is then refused. Residuals that are many times the stated uncertainty of
-the edges cause a doubt (a reason to distrust the result). A probable cause of the residuals is also a doubt if it
-changes the modulus (`causes`).
+The error of a state (one load) is its root mean square residual. The beam model does not explain a state if the error
+exceeds both of two limits. One limit is three times the stated uncertainty of the points. The other is a twentieth of
+the largest deflection, or half the width of the beam if this is smaller. The fit is then refused. Residuals that are
+many times the stated uncertainty of the edges cause a doubt (a reason to distrust the result).
 """
 
 from __future__ import annotations
@@ -234,7 +232,7 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
     """Return a warning (doubt) for each prior that differs by more than three standard deviations from all other data.
 
-    ``distances`` has this difference in standard deviations for each prior.
+    ``distances`` has the difference of each prior from the other data, in standard deviations.
     """
     return tuple(
         Doubt(
@@ -313,7 +311,7 @@ def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tupl
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the ratio of the residuals to the stated noise, as the median over all states of an experiment."""
+    """Return the ratio of the residuals to the stated noise of the measured points, as the median over all states."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 

@@ -1,12 +1,8 @@
 """Find the inputs whose deviations from the stated values can be recognised in the residuals.
 
 An input, such as a width, may deviate from its stated value by two standard uncertainties, and the residuals may show
-which input it is. Such a deviation is no error of the bench, because it lies within the uncertainty that a file states.
-
-To test an input, the possible errors of the bench (causes) are weighed again, with this input at exactly its stated
-value and the other inputs uncertain. If the most probable cause is then the deviation of this input, the deviation is
-reported. An error of the bench that no file states may have the same effect on the residuals. The probability is then
-shared between this error and the deviation.
+which input it is. Such a deviation is no error of the test bench, because it lies within the uncertainty that a file
+states.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """A deviation of an input, within its stated uncertainty, that the residuals of a fit show.
+    """A deviation of an input (such as a width), within its stated uncertainty, that the residuals of a fit show.
 
     Parameters
     ----------
@@ -71,6 +67,7 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
             continue
         if weighing.squares_of(base, posterior, rows) < _SEEN:
             continue
+        # The causes are compared again with this input exact. Its deviation then competes with the other causes.
         exact = weighing.if_exact(base, rows)
         group = next(members for members in exact.classes if cause in members)
         for member in group:

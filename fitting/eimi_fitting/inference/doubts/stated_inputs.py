@@ -16,7 +16,7 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 
 
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
-    """Return how a deviation of each uncertain input of a fit would change the residuals.
+    """Return how a deviation of each uncertain input (such as a width) would change the residuals of a fit.
 
     A key of the result is the name of the input, as a `PossibleCause`. An input that was measured is left out.
 

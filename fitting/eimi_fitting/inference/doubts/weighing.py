@@ -43,7 +43,7 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of errors of the test bench (causes) if some inputs have exactly their stated values.
+    """The probabilities of errors of the test bench (causes) if some inputs, such as the width, are exact.
 
     Parameters
     ----------
@@ -101,14 +101,14 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the factor by which each further error of the test bench divides the prior probability."""
+        """Logarithm of the factor by which each further error divides the prior probability of a set of errors."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of indices as the rows of one array; a shorter list is filled up with the last index."""
+        """Return lists of indices as the rows of one array; shorter lists are filled up with the index of no effect."""
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
             members[row, : len(indices)] = indices
@@ -195,7 +195,7 @@ class Weighing:
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return how probable further errors of the test bench are if some inputs have exactly their stated values.
+        """Return how probable further errors of the test bench are if some inputs, such as the width, are exact.
 
         Parameters
         ----------
@@ -259,7 +259,10 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a set of test bench errors that was not simulated, and a similar simulated set."""
+        """Return pairs of indices: a set of test bench errors that was not simulated, and a similar simulated set.
+
+        The simulation of the second set corrects the linear model of the first set.
+        """
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -396,8 +399,7 @@ class Weighing:
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
         """Return the simulated residuals in mm that given errors of the test bench leave; None without equilibrium.
 
-        ``row`` is the index of the set of errors, and ``amplitudes`` has their sizes. There is one array for each
-        experiment.
+        ``row`` is the index of the set of errors, and ``amplitudes`` has their sizes and the changes of the law.
         """
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)

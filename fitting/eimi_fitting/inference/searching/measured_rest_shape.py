@@ -1,17 +1,11 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The stress-free shape is described
-by the stated shape and a few smooth modes that are added to it (`beam.rest_modes`). A simulation bends this shape by
-the weight and gives edges. The amplitudes of the modes are fitted so that these edges agree with the measured edges. A
-small rotation and a small shift of the picture are fitted too. The fit uses Gauss-Newton steps, with normal priors on
-all unknowns. The modes are few and smooth, so that the noise of single edge points has little influence.
+by the stated shape plus a few smooth deviations (modes). The sizes of the modes are fitted so that the simulated edges
+agree with the measured edges. A small rotation and a small shift of the picture are fitted too.
 
-The simulation uses the modulus for which a planar Neo-Hookean model with the measured shape has the smallest error in
-the states with load. Shape and modulus are computed in turn, three times.
-
-A mode is accepted if its amplitude exceeds three standard deviations and a least amplitude. The least amplitude is
-0.005 mm for a bend and 0.003 mm for a change of width. Modes of these sizes change the modulus by about 0.05 % and
-0.2 %.
+A mode is accepted if its size exceeds three standard deviations and a least size. The least size is 0.005 mm for a bend
+and 0.003 mm for a change of width. Modes of these sizes change the modulus by about 0.05 % and 0.2 %.
 """
 
 from __future__ import annotations
@@ -151,6 +145,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
         modulus_Pa = _scanned_modulus(_shaped(chosen, fitted[0]))
     except (NothingActs, NothingConverged):
         return None
+    # The weight bends the beam, so that the shape depends on the modulus: both are computed in turn.
     for _ in range(_ROUNDS):
         fitted = _amplitudes(rest, modulus_Pa, fitted[0], every)
         if fitted is None:

@@ -3,10 +3,9 @@
 The largest displacement u of a stiff beam of length L is proportional to the loads divided by the shear modulus mu. The
 number c = mu u / L in Pa is therefore constant for given loads. One simulation of a stiff beam gives c. At mu = c / 3 a
 linear beam would bend by three times its length. At mu = c / 1e-7 the displacement would be too small to be measured.
-The objective is evaluated at moduli between these two limits, with the other coordinates of the law in the middle of
-their ranges. The search covers at least three decades, and all moduli whose objectives are within 2 % of the smallest
-objective. Tensile curves are not used here, because a curve in a wrong unit would give a range without the modulus of
-the beam.
+The objective (the number that the fit minimises) is evaluated at moduli between these two limits. The search covers at
+least three decades, and all moduli whose objectives are within 2 % of the smallest objective. Tensile curves are not
+used here, because a curve in a wrong unit would give a range without the modulus of the beam.
 """
 
 from __future__ import annotations
