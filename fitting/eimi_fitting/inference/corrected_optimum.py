@@ -55,7 +55,7 @@ class SearchEnd:
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements, with corrected residuals.
+        The law, the unknowns and the measurements, with residuals corrected by better beam models.
     optimum : Optimum
         The best values of the unknowns.
     effects : tuple of Effect
@@ -63,7 +63,7 @@ class SearchEnd:
     max_stretch : float
         Largest stretch of the beam at the best values, computed with planar models.
     polish : Polish
-        Improvement by the first run of Gauss-Newton.
+        Improvement of the result of the search by the first run of Gauss-Newton.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
@@ -162,13 +162,13 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the residuals by two successively finer meshes, and compute the optimum again.
+    """Correct the residuals of a coarse mesh by two successively finer meshes, and fit again.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the change of the optimum by the second mesh (empty if it has no
-        equilibrium), and the largest stretch of the beam, (1,).
+        The corrected problem, its optimum, the change of the optimum by the finest mesh (empty without an equilibrium),
+        and the largest stretch of the beam, (1,).
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:

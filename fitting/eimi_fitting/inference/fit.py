@@ -43,7 +43,7 @@ class IdentifiedLaw(Estimate):
     generations : int
         Number of generations of the search.
     polish : Polish
-        Improvement by the first run of Gauss-Newton.
+        Improvement of the result of the search by the first run of Gauss-Newton.
     seed : int
         Seed of the search and of the random draws for the intervals.
     wall_s : float

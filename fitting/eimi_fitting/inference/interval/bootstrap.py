@@ -26,12 +26,12 @@ def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> l
     seed : int
         Seed of the random numbers.
     replicate : int
-        Number of the replicate. The same seed and number always draw the same states.
+        Number of the random sample. The same seed and number always draw the same states.
 
     Returns
     -------
     list of Experiment
-        One replicate of each experiment.
+        One random sample of each experiment.
     """
     replicates = []
     for index, experiment in enumerate(experiments):

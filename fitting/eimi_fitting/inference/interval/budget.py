@@ -34,7 +34,7 @@ class BudgetEntry:
     source : str
         Short name of the input, such as "width".
     words : str
-        Name of the input for people.
+        Full name of the input.
     standard_uncertainty : float
         The stated standard uncertainty, in ``unit``.
     unit : str
@@ -62,7 +62,7 @@ class MeasureNext:
     source : str or None
         Short name of the uncertain input, such as "width"; None for the edges of the beam.
     words : str
-        Name of the quantity for people, such as "magnetic moment".
+        Full name of the quantity, such as "magnetic moment".
     initial_shear_modulus_interval_95_Pa : tuple of float
         Lower and upper end of the 95 % interval of the initial shear modulus in Pa if the uncertainty of this quantity
         were halved.

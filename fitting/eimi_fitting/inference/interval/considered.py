@@ -110,7 +110,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an input belongs to the model of the specimen, in an experiment with a magnetic field."""
+    """Return whether a magnetic field acts in the experiment and the input belongs to the model of the specimen."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())

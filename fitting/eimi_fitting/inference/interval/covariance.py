@@ -65,15 +65,15 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The contribution of this experiment to the Hessian of minus the log-likelihood, shape (n, n)."""
+        """The Hessian of minus the log-likelihood of this experiment in n unknowns, shape (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the contribution of residuals (K, G, m) to the gradient of minus the log-likelihood, shape (n,)."""
+        """Return the gradient of minus the log-likelihood in n unknowns, shape (n,), for given residuals in mm."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the contribution of this experiment to the variance of the gradient of the log-likelihood, (n, n).
+        """Return the variance of the gradient of the log-likelihood of this experiment in n unknowns, (n, n).
 
         Neighbouring residuals are correlated, which increases the variance.
         """
@@ -157,17 +157,17 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The Hessian of minus the logarithm of the priors on the law's parameters, shape (n, n)."""
+        """The Hessian of minus the logarithm of the priors on the law's parameters in n unknowns, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the logarithm of the likelihood times all priors, shape (n, n)."""
+        """The Hessian of minus the logarithm of the likelihood times all priors in n unknowns, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the logarithm of the likelihood times all priors, shape (n,).
+        """The gradient of minus the logarithm of the likelihood times all priors in n unknowns, shape (n,).
 
         It is zero at an optimum inside the bounds.
         """
@@ -201,7 +201,8 @@ class Linearisation:
         Returns
         -------
         tuple of float
-            One distance for each prior, positive if the parameter is above the mean of the prior.
+            One distance for each prior, in standard deviations of the difference; positive if the parameter is above
+            the mean of the prior.
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
@@ -323,7 +324,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the contribution of the tensile curves to the variance of the gradient of the log-likelihood, (n, n)."""
+    """Return the variance of the gradient of the log-likelihood of the tensile curves in n unknowns, (n, n)."""
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:

@@ -182,7 +182,7 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the minimum of a quadratic function for a given value of one coordinate, each coordinate in 0..1.
+    """Return the point at which a quadratic function is smallest if coordinate ``i`` has a given value, within 0..1.
 
     Parameters
     ----------

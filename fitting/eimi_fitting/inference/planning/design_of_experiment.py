@@ -92,7 +92,7 @@ class EdgeNoise:
     alike : float
         Number of neighbouring edge points that count as one independent point.
     left_percent : float
-        95 % bound of the error of the modulus that remains after the correction for a solid section, in per cent.
+        95 % bound of the remaining error of the modulus due to the beam model of a solid section, in per cent.
     """
 
     residual_mm: float
@@ -111,7 +111,7 @@ class EdgeNoise:
         states : int
             Number of states of the earlier fit.
         left_percent : float
-            95 % bound of the error of the modulus that remains after the correction for a solid section, in per cent.
+            95 % bound of the remaining error of the modulus due to the beam model of a solid section, in per cent.
         """
         # All residuals count as noise if the earlier fit did not separate noise from errors of uncertain inputs.
         independent = earlier.noise_points or earlier.independent_points
@@ -330,7 +330,7 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return a dictionary with the standard deviation of the edges in mm due to the mesh of a later fit, (K, 2, m)."""
+    """Return a dictionary with the standard deviation of the mesh error of the edges in mm, shape (K, 2, m)."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,

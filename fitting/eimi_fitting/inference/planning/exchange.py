@@ -22,7 +22,7 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """The interface of a set of possible states: a choice of states is good if its criterion is small."""
+    """The states that could be measured, and a number that is small for a good choice of states."""
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""

@@ -60,7 +60,7 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """Displacements of a three-dimensional beam minus those of a planar one, and the modulus in Pa used for them."""
+    """Displacements of a three-dimensional beam model minus those of a planar one, and the modulus in Pa used."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -92,7 +92,7 @@ class ModulusSoFar:
     noise_Pa : float
         Width of the 95 % interval in Pa from noise and mesh error alone.
     depth : object, optional
-        Displacements of a three-dimensional beam minus those of a planar beam. None unless the section is solid.
+        Displacements of a three-dimensional beam model minus those of a planar model. None unless the section is solid.
     """
 
     value_Pa: float
