@@ -166,7 +166,7 @@ def estimate(
     seed : int
         Seed of the random draws.
     shift_percent : float
-        95 % bound of a further error of the modulus, in per cent.
+        95 % bound of a further error of the modulus in per cent, such as an error of the bench.
 
     Returns
     -------
