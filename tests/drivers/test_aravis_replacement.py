@@ -219,7 +219,7 @@ def test_a_camera_that_another_program_controls_is_awaited_for_4_s(
 ) -> None:
     """The driver tries again to open a camera that another program controls, until 4 s have passed.
 
-    In this test each attempt takes 1 s, so that five attempts begin. The camera is free after `free_after` attempts.
+    In this test each attempt takes 1 s, so that five attempts begin.
     """
 
     def take_control(device: int) -> None:

@@ -291,11 +291,7 @@ def test_an_emulated_supply_accepts_levels_of_a_protection_up_to_its_highest(dri
 
 
 def test_the_types_of_messages_and_of_their_answers_are_those_of_hislip() -> None:
-    """The types of HiSLIP messages have the numbers of the standard IVI-6.1, table 4.
-
-    Initialize is 0, Data 6, DataEND 7, AsyncMaximumMessageSize 15 and AsyncInitialize 17. The answers to Initialize,
-    AsyncMaximumMessageSize and AsyncInitialize have the next number: 1, 16 and 18.
-    """
+    """The types of HiSLIP messages have the numbers of the standard IVI-6.1, table 4."""
     assert (hislip.INITIALIZE, hislip.DATA, hislip.DATA_END) == (0, 6, 7)
     assert (hislip.ASYNC_MESSAGE_SIZE, hislip.ASYNC_INITIALIZE) == (15, 17)
     assert hislip.ANSWER_TO == {0: 1, 15: 16, 17: 18}

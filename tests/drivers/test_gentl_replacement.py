@@ -211,11 +211,7 @@ def test_an_unknown_camera_is_reported_with_the_attached_ones(bench: Bench) -> N
 
 
 def test_settings_are_written_in_an_order_that_the_camera_accepts(bench: Bench) -> None:
-    """The driver writes settings in an order in which no value is refused or changed again.
-
-    The offsets are zero while the size is set, because an old offset plus a new size may exceed the sensor. An
-    automatic control is switched off before its value is set.
-    """
+    """The driver writes settings in an order in which no value is refused or changed again."""
     wanted = CameraSettings(
         exposure_s=0.0015, gain=6.0, gamma=0.5, region=(2, 4, 40, 30), bit_depth=12, trigger="Line1"
     )

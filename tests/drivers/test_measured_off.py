@@ -47,8 +47,7 @@ def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil
 def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
     """A supply that is off counts as off, even if its meter shows the largest offset that its manual allows.
 
-    The offset is the current that the meter shows when no current flows. The offset of the E3631A is in its manual. The
-    offsets of Genesys (0.3 % of the rated current) and Kepco (50 mA) are assumptions.
+    The offset is the current that the meter shows when no current flows.
     """
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999

@@ -195,8 +195,7 @@ def test_a_session_looks_every_twentieth_of_a_second_until_its_supply_has_left(
 ) -> None:
     """The session, which serves an emulated supply, ends only if a fault gives the supply another address.
 
-    With any other fault, the session continues to serve the supply. It checks every 50 ms whether the fault has to
-    begin.
+    It checks every 50 ms whether the fault has to begin.
     """
     served, coil, messages = session
     coil.set_voltage(12.0)

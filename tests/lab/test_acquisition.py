@@ -52,8 +52,7 @@ def test_a_run_stores_every_state_and_ends_with_the_coil_off(setup: Any) -> None
 def test_a_colour_camera_settles_and_its_colours_are_stored(setup: Any) -> None:
     """With a colour camera, a run recognises that the beam is at rest, and stores the colours.
 
-    Two colours are equally bright, so that the noise decides in each frame which colour is the brightest. If only the
-    brightest colours of the frames were compared, the beam would seem to move.
+    Two colours are equally bright, so that the noise decides in each frame which colour is the brightest.
     """
     grey = setup.camera.draw
 

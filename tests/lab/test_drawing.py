@@ -36,10 +36,7 @@ def test_each_file_of_a_figure_is_drawn_once_and_the_layout_is_computed_once(mon
 
 
 def test_the_pictures_of_a_panel_are_encoded_when_the_panel_is_drawn() -> None:
-    """The pictures of a panel, a part of the report, are encoded as soon as the panel is drawn.
-
-    Worker processes still simulate for other panels at that time. Afterwards the page only needs to be put together.
-    """
+    """The pictures of a panel, a part of the report, are encoded as soon as the panel is drawn."""
     drawing = Drawing(2.0, 3.0)
     drawing.subplots()
     picture = Picture("one", drawing, "alternative", "caption")

@@ -383,7 +383,7 @@ def test_the_calls_of_a_run_are_in_this_order(setup: Any) -> None:
 def test_lost_frames_are_reported_with_the_state_in_which_they_were_lost(setup: Any) -> None:
     """A message names the states in which the camera lost frames.
 
-    The camera loses one frame before the first state, two frames in state 1, and one frame in state 2. Then it fails.
+    The camera loses one frame before the first state, two frames in state 1, and one frame in state 2.
     """
     lost = setup.camera.lost_frames = Counter({"late": 1})
     did: list[Any] = []
@@ -505,11 +505,7 @@ def test_the_error_about_a_missing_instrument_lists_the_attached_instruments(mon
 def test_a_calibration_reads_the_field_at_rest_and_ends_with_the_coil_off(
     setup: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A calibration of the coil reads the field at constant currents, and ends with the coil off.
-
-    Each current is held for 0.5 s, and its five readings are 0.1 s apart. At the current I, the gaussmeter reads
-    4 mT/A times I plus 0.1 mT.
-    """
+    """A calibration of the coil reads the field at constant currents, and ends with the coil off."""
     did: list[str] = []
     clock, coil = setup.bench.clock, setup.coil
     coil.current_noise_A = 0.0

@@ -99,8 +99,7 @@ def test_frames_of_a_video_are_imported_by_time(run: Run, files: Path, frame: Dr
 def test_every_nth_frame_of_a_video_has_the_load_that_acts_on_it(run: Run, files: Path, frame: Draw) -> None:
     """If only every n-th frame of a video is imported, each of these frames belongs to the load that acts at its time.
 
-    A table gives the time or the frame number at which each load begins. The video has twelve frames at 10 Hz. In the
-    first table, the second load ends before the video.
+    A table gives the time or the frame number at which each load begins.
     """
     writer = cv2.VideoWriter(str(files / "run.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (128, 96))
     for number in range(12):

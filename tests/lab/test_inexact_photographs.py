@@ -67,9 +67,7 @@ def test_a_photograph_is_followed_although_clamp_axis_width_and_length_are_inexa
 def test_a_border_near_the_clamp_that_ends_before_the_edge_is_not_joined_to_the_edge():
     """In a photograph, the border of a tape near the clamp is not taken for a part of the beam's edge.
 
-    The tape covers the beam near the clamp. Its border ends a third of a beam's width before the visible edge of the
-    beam begins. Two facts suggest wrongly that both are one edge: the opposite edge is found reliably beside the gap,
-    and the beam would be about as wide before the gap as after it.
+    Its border ends a third of a beam's width before the visible edge of the beam begins.
     """
     picture = PICTURES["silicone_curl"]
     clicks = ((236.3, 267.3), (234.9, 261.5), (425.2, 180.4))

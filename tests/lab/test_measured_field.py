@@ -46,8 +46,7 @@ def test_given_uncertainties_of_the_gaussmeter_increase_the_uncertainties_of_the
 def test_uncertainties_that_the_gaussmeter_reports_count_only_for_complete_readings():
     """The uncertainty of one reading is the root mean square of the uncertainties of all complete readings.
 
-    Readings without a current, a field or an uncertainty reported by the gaussmeter are left out. An uncertainty in the
-    rig file has precedence.
+    Readings without a current, a field or an uncertainty reported by the gaussmeter are left out.
     """
     current_A = np.array([0.0, 0.5, np.nan, 1.0, 0.7])
     reported_mT = np.array([0.03, 0.04, 50.0, np.nan, 50.0])

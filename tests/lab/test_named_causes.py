@@ -119,8 +119,7 @@ def test_a_mistake_in_the_loads_is_named(tmp_path: Path, run, stated, cause: str
 def test_a_mistake_with_a_small_effect_is_a_doubt(tmp_path: Path, run) -> None:
     """A wrong direction of gravity is named as the likely cause even if it changes the bending by only a tenth.
 
-    With so small an effect the fit may be accepted; its result then has a doubt (warning). The beam of this test hangs,
-    and its file says that gravity points upward.
+    The beam of this test hangs, and its file says that gravity points upward.
     """
     status, line = fit(tmp_path, run, points=places(0.0), gravity="180")
     if status == 0:

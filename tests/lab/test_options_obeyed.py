@@ -283,7 +283,7 @@ def test_an_existing_result_is_refused_before_any_input_is_read(
 ) -> None:
     """A command that may not overwrite its output file ends at once, before it reads its inputs.
 
-    The inputs of this test are no valid files. A command that read them first would report them.
+    The inputs of this test are no valid files.
     """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pictures").mkdir()

@@ -155,8 +155,7 @@ def test_one_mixture_of_colours_shows_the_beam_in_all_states(files: Path) -> Non
 def test_the_mixture_of_colours_is_chosen_for_all_states_together(run: Run, files: Path, odd_one: int) -> None:
     """The weighted sum of the colours that shows the beam is chosen for all states together.
 
-    In five of six states the beam differs from its background in blue. In the state `odd_one` it differs more in red.
-    Blue is chosen for all states, and the contrast in the state `odd_one` is reported as low.
+    In five of six states the beam differs from its background in blue, and in the state `odd_one` in red.
     """
     pictures = files / "pictures"
     pictures.mkdir()
@@ -245,7 +244,7 @@ def test_a_beam_too_narrow_for_its_edges_is_not_reported_as_a_wrong_clamp(run: R
 def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run: Run, files: Path) -> None:
     """If only one edge is lost, the error advises to look at this edge, and does not propose another clamp.
 
-    A body of the beam's colour touches the right side of the beam. The given clamp and axis are right.
+    A body of the beam's colour touches the right side of the beam.
     """
     image = scene((40, 60, 200), (120, 120, 120))
     image[40:76, 70:100] = np.clip(np.random.default_rng(2).normal((40, 60, 200), 2.0, (36, 30, 3)), 0, 255)
@@ -257,10 +256,7 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """If a user clicked points on the beam and no beam is found, the advice names the options that help the search.
-
-    The only flag (warning) is then NOT_FOLLOWED. The advice does not ask for a back-light or for more clicks.
-    """
+    """If a user clicked points on the beam and no beam is found, the advice names the options that help the search."""
     image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
     assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0
     status, said = run("segment", files / "out.h5")

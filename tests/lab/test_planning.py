@@ -174,8 +174,7 @@ def test_the_uncertainty_of_the_current_is_in_the_expected_interval(fits: Path, 
 def test_the_best_mounting_comes_first(monkeypatch: pytest.MonkeyPatch, against_a_rival: bool) -> None:
     """A plan lists the possible runs with the best one first; the runs differ in the direction of gravity.
 
-    The best run has the narrowest interval of the modulus. If a rival law is given, the best run is the one that
-    distinguishes the two laws best, by the difference of their AIC (Akaike's information criterion).
+    The best run has the narrowest interval of the modulus.
     """
     expected = {0.0: 3.0, 90.0: 1.0, 180.0: 2.0}
     specimen, rig, protocol = load_specimen("type1"), load_rig("virtual"), load_protocol("dragon_skin_10_quick")

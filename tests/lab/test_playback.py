@@ -135,11 +135,7 @@ def test_a_loop_of_pictures_begins_again_with_the_state_after_the_last_picture(o
 def test_the_length_of_a_recording_is_compared_with_the_run(
     setup: Any, monkeypatch: pytest.MonkeyPatch, pictures: int, rule: dict[str, bool], said: str
 ) -> None:
-    """The number of pictures in a recording is compared with the 28 frames that a run takes.
-
-    The run takes 8 frames before the first of its 4 states. In each state, it takes 3 frames to see two pairs of equal
-    frames, and stores 2 further frames.
-    """
+    """The number of pictures in a recording is compared with the 28 frames that a run takes."""
     monkeypatch.setattr(playback, "recording_length", lambda source: pictures)
     chosen = setup.rig.camera.model_copy(update={"driver": playback.PLAYER, "playback": Playback(**rule)})
     rig = setup.rig.model_copy(update={"camera": chosen})

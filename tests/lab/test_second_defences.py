@@ -104,8 +104,7 @@ def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
 ) -> None:
     """The run also waits for a beam that moves so slowly that two successive frames show no motion.
 
-    The beam moves 1/50 px from frame to frame, which is below the limit. Within the drift window of some seconds it
-    moves 2/5 px, which is above the limit.
+    The beam moves 1/50 px from frame to frame, which is below the limit.
     """
     assert waited_s(frame, lambda number: 0.02 * min(number, 60)) > 6.0
 
@@ -114,7 +113,7 @@ def test_a_beam_that_creeps_too_slowly_for_two_successive_frames_is_waited_for(
 def test_quiet_pairs_between_jerks_do_not_count_as_rest(frame: Callable[..., NDArray[Any]], window_s: float) -> None:
     """A beam that jumps at every third frame is not at rest.
 
-    Between two jumps, two pairs of successive frames show no motion. Rest requires more such pairs in a row.
+    Between two jumps, two pairs of successive frames show no motion.
     """
     assert waited_s(frame, lambda number: 2.0 * (min(number, 60) // 3), drift_window_s=window_s) > 6.0
 
@@ -343,10 +342,7 @@ def a_korad(clock: SimulatedClock, interruption: Interruption, signals: int = 0)
 @pytest.mark.parametrize("shown", [False, True])
 @pytest.mark.parametrize(("signals", "asked_on"), [(1, True), (2, False)])
 def test_a_second_signal_skips_the_remaining_read_backs(signals: int, asked_on: bool, shown: bool) -> None:
-    """After a second signal, the run switches off without reading the last set-point back from the supply.
-
-    Reading a set-point back takes most of the time of a step. Only the commands that switch off are still verified.
-    """
+    """After a second signal, the run switches off without reading the last set-point back from the supply."""
     clock = SimulatedClock()
     interruption = Interruption()
     supply, sent = a_korad(clock, interruption, signals)

@@ -307,11 +307,7 @@ def test_handlers_are_restored_and_ignored_signals_stay_ignored(bench: Bench) ->
 def test_a_run_of_the_page_obeys_ctrl_c_although_the_page_ignores_it(
     monkeypatch: pytest.MonkeyPatch, run: Callable[..., tuple[int, str]], tmp_path: Any, by_page: bool
 ) -> None:
-    """A run that the dashboard's page starts obeys Ctrl-C, also if the page ignores this signal.
-
-    The button STOP sends the signal. A shell lets programs in the background, such as the page, ignore it. A run that
-    such a shell starts without the page still ignores the signal.
-    """
+    """A run that the dashboard's page starts obeys Ctrl-C, also if the page ignores this signal."""
     handlers: list[Any] = []
 
     def run_protocol(*given: Any, **named: Any) -> None:

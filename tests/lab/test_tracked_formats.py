@@ -323,10 +323,7 @@ def test_deeplabcut_files_are_imported(run: Run, files: Path, animals: bool) -> 
 
 
 def test_c3d_files_are_imported(run: Run, files: Path) -> None:
-    """A C3D file (motion capture), which the package ezc3d writes in mm, is imported.
-
-    The beam hangs along -z and bends along x. One marker has gaps.
-    """
+    """A C3D file (motion capture), which the package ezc3d writes in mm, is imported."""
     ezc3d = pytest.importorskip("ezc3d")
     points = np.ones((4, 4, 2))
     for k, mm in enumerate((REST_MM, BENT_MM)):

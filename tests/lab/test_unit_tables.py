@@ -35,10 +35,7 @@ def test_lengths() -> None:
 
 @pytest.mark.parametrize("unit", LENGTHS_MM)
 def test_points_and_their_deviations_are_converted(unit: str) -> None:
-    """Points and their standard deviations are converted from each unit to mm in the beam frame.
-
-    The beam points along +y of the file. In the beam frame, x is along the beam, and y points to its left.
-    """
+    """Points and their standard deviations are converted from each unit to mm in the beam frame."""
     tracks = Tracks(
         places=np.array([[[1.0, 2.0], [1.0, 5.0]], [[0.0, 2.0], [1.5, 5.0]]]),
         frames=np.array([1, 2]),

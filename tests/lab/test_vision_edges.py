@@ -110,8 +110,7 @@ def test_the_computed_deviation_of_a_slender_beam_matches_the_scatter():
 def test_thin_silicone_beside_the_magnet(silicone_px, share):
     """Beside the magnet, where the silicone of the beam is thin, the edges of the beam have no bias.
 
-    Every profile of grey values there crosses two edges: that of the beam and that of the magnet. The standard
-    deviations of the points are also right: the errors, divided by them, have a root mean square below 1.25.
+    Every profile of grey values there crosses two edges: that of the beam and that of the magnet.
     """
     specimen = with_silicone_beside(silicone_px)
     beam = bend(specimen, 30.0)
@@ -156,11 +155,7 @@ def test_the_computed_deviation_covers_uneven_light_beside_the_magnet():
 
 
 def test_a_body_close_to_the_beam_does_not_count_as_uneven_light():
-    """A dark rod 19 px beside the beam does not displace the edges of the beam.
-
-    At this distance from the beam, the program measures how the brightness of the back-light changes. It must not take
-    the rod for such a change.
-    """
+    """A dark rod 19 px beside the beam does not displace the edges of the beam."""
     beam = bend(SPECIMEN, 0.0)
     scene = make_bent_scene(NOMINAL, CALIBRATION, SPECIMEN, beam)
     image = expose(scene, np.random.default_rng(0))
@@ -189,11 +184,7 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """A narrow beam out of focus gives edges with the flag DEFOCUS, and no numerical warning.
-
-    The profiles of grey values end within twice the blur from the edge, because they must not reach the other edge of
-    the beam. Clipping (saturation) is then measured at the ends of the profiles.
-    """
+    """A narrow beam out of focus gives edges with the flag DEFOCUS, and no numerical warning."""
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
     scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))

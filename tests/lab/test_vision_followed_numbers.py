@@ -54,8 +54,7 @@ def scattered(along: Array, seed: int) -> Array:
 def test_the_shape_of_an_edge_does_not_count_as_scatter_where_points_are_few(few_of: float) -> None:
     """The scatter of the points of a wavy edge is estimated rightly, also if a part of the edge has few points.
 
-    On this part, which is the share `few_of` of the length, only every tenth point remains. The waves must not be taken
-    for scatter.
+    few_of: the part, as a share of the length.
     """
     along = np.linspace(0.0, 1000.0, 120)
     along = along[(along > few_of * 1000.0) | (np.arange(120) % 10 == 0)]
@@ -147,9 +146,7 @@ def test_a_long_edge_with_many_gaps_is_joined_with_one_direction_for_each_run(mo
 def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_edge_is_sure() -> None:
     """If a stain hides a part of one edge of a strongly bent beam, the edge is followed behind the stain.
 
-    The stain has the colour of the background, and hides the left edge along two widths of the beam. The straight
-    continuation of the left edge would miss the part behind the stain, so that the right edge guides the search. If
-    the body behind the stain is wider than the beam, its edge does not count as the edge of the beam.
+    The stain has the colour of the background, and hides the left edge along two widths of the beam.
     """
     stained = bright_beam(120)
     stained[48:72, :21] = 50.0
@@ -167,9 +164,7 @@ def test_an_edge_of_a_bent_beam_continues_behind_a_stain_beside_which_the_other_
 def test_the_stated_width_tells_an_edge_from_the_border_of_a_shadow_in_grey(region: float, moved: bool) -> None:
     """Beside a shadow in a grey picture, the edge of the beam is found by the width in the specimen file.
 
-    A dark beam has a region on its right, whose outer border was taken for the right edge. The beam would then be 1.38
-    times as wide as its file says. If the region is darker than the background, it is a shadow, and the edge is moved
-    to the inner border. If the region is brighter than the background, the edge stays at the outer border.
+    A region beside the beam that is brighter than the background is no shadow.
     """
     colours = 250.0 - bright_beam(120)
     colours[:, 38:47] = region

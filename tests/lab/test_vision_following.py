@@ -96,10 +96,7 @@ def test_a_blurred_beam_is_followed_beside_a_shadow_that_has_a_tint_of_its_colou
 
 
 def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
-    """The brown side face of a beam that is cut from a green board belongs to the beam, and is not taken for a shadow.
-
-    The side face is visible beside the green face. Like a shadow, it is darker than the white background.
-    """
+    """The brown side face of a beam that is cut from a green board is not taken for a shadow of the beam."""
     y, x = np.mgrid[0:280, 0:220].astype(float)
     image = np.full((280, 220, 3), 245.0)
     along = (y > 20.0) & (y < 230.0)
@@ -115,7 +112,7 @@ def test_a_layer_of_another_hue_beside_the_beam_is_not_taken_for_its_shadow():
 def test_an_inflated_beam_is_followed_if_the_specimen_file_gives_its_width_along_the_beam():
     """The edges of a beam of varying width are found if the specimen file gives the width at each distance.
 
-    The beam is bent, and 1.6 times as wide in its middle as at its ends. It lies on clutter of about its brightness.
+    The beam is bent, and 1.6 times as wide in its middle as at its ends.
     """
     y, x = np.mgrid[0:480, 0:360].astype(float)
     arc = (y - 40.0) / 400.0
@@ -229,11 +226,7 @@ def test_clipped_light_beside_an_edge_is_doubtful():
 
 
 def test_an_edge_with_short_gaps_is_doubtful_and_an_edge_with_a_long_gap_is_unusable():
-    """An edge that is reliable on half of its length is doubtful if the gaps are short, and unusable with one long gap.
-
-    The edge has 400 stations, which are places along the beam. In the edge with short gaps, ten of every twenty
-    stations are reliable; in the edge with a long gap, the first 200 stations are reliable.
-    """
+    """An edge that is reliable on half of its length is doubtful with short gaps, and unusable with one long gap."""
     place = np.arange(400)
     flags_of_cases = []
     for sure in (place % 20 < 10, place < 200):
@@ -369,10 +362,7 @@ def test_a_later_state_guides_the_search_in_the_states_before_it(run, files, mon
 
 
 def test_the_states_on_both_sides_guide_the_search_in_the_state_between_them(run, files, monkeypatch):
-    """If the centre line of one neighbouring state does not help the search, the lines of both neighbours are used.
-
-    The test replaces the search. In the second state, it finds the beam only if it is given both lines.
-    """
+    """If the centre line of one neighbouring state does not help the search, the lines of both neighbours are used."""
     found = []
 
     def find(image, *arguments, expected_mm=None, between_mm=None, **more):
@@ -420,8 +410,7 @@ def test_the_line_between_two_lines_is_uncertain_by_half_of_their_distance():
 def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
     """The line from the clamp through clicks that are close together keeps its direction along the beam.
 
-    A click may be 10 px away from the beam. Clicks that are a few pixels apart therefore do not give an order of points
-    or a direction.
+    A click may be 10 px away from the beam.
     """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array(clicks, dtype=float))
     assert (np.diff(line.points[:, 1]) > 0).all()
@@ -432,11 +421,7 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
-    """Two inexact clicks on a straight beam, one 8 px to the left and one 8 px to the right, do not mislead the search.
-
-    The clicks are 1000 px from the clamp and 40 px apart. The search prefers places near the line through the clicks:
-    places farther away than a free distance have a cost. The straight beam lies everywhere within the free distance.
-    """
+    """A straight beam lies near the line through two inexact clicks, one 8 px to its left and one 8 px to its right."""
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
     assert line.length_px == pytest.approx(1040.0, rel=0.02)
@@ -483,11 +468,7 @@ def test_clicked_points_off_the_beam_are_reported(files):
 
 
 def test_an_ambiguous_state_does_not_guide_later_states(run, files):
-    """A doubtful choice between two stripes in the first state does not decide the choice in the second state.
-
-    The picture of the second state is shifted by a tenth of a pixel, so that the other stripe is clearly better. The
-    second state then also decides which stripe is the beam in the first state.
-    """
+    """A doubtful choice between two stripes in the first state does not decide the choice in the second state."""
     both = ("red", "blue")
     guessed = followed_in(run, files, both)[0]
     assert guessed.endswith(", in doubt")

@@ -18,8 +18,7 @@ from tests.shared.phone_photographs import RULER_MM, bent_bodies, clicks, drawn_
 def test_the_width_of_a_side_face_follows_from_depth_and_distance() -> None:
     """A camera sees the lower face of a beam that is 6 mm deep and lies 15 mm above the axis of the lens.
 
-    The camera is 150 mm from the middle of the beam. The lower edges of the near and of the far face appear at 15 ·
-    150/147 and 15 · 150/153 mm from the axis.
+    The camera is 150 mm from the middle of the beam.
     """
     calibration = Calibration(
         pixels_per_mm=10.0,

@@ -76,10 +76,7 @@ def test_an_edge_of_few_points_is_returned_as_it_is() -> None:
 
 
 def test_folds_of_a_wrapped_beam_move_its_edges_less_than_their_height() -> None:
-    """The located edges of a beam with folds lie near the straight middle line of the folds.
-
-    The beam is 42 px wide. Its edges deviate from a straight line by up to 2.5 px to both sides.
-    """
+    """The located edges of a beam with folds lie near the straight middle line of the folds."""
     y, x = np.mgrid[0:480, 0:240].astype(float)
     folds = 2.5 * np.sin(2.0 * np.pi * y / 14.0)
     body = (np.abs(x - 120.0) < 21.0 + folds) & (y > 30.0) & (y < 450.0)

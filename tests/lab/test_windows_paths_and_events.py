@@ -48,11 +48,7 @@ def test_the_events_that_end_a_process_of_windows_are_handled(
 def test_a_file_that_another_program_of_windows_holds_for_a_moment_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, number: int | None
 ) -> None:
-    """If another program keeps a file open for a moment, the access to the file is repeated until it succeeds.
-
-    Windows reports this as error 5 (ERROR_ACCESS_DENIED), 32 (sharing violation) or 33 (lock). Functions of the C
-    library give no such number.
-    """
+    """If another program keeps a file open for a moment, the access to the file is repeated until it succeeds."""
     monkeypatch.setattr(replacing.sys, "platform", "win32")
     errors = [held(number), held(number)]
     assert replacing.patiently(lambda: raise_first(errors)) == "opened"

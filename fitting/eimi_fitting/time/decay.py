@@ -59,7 +59,7 @@ class RingMode:
 
 @dataclass(frozen=True)
 class Decay:
-    """The vibrations in a ring-down.
+    """The vibrations in a ring-down (a recording of a free vibration).
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class NoVibration(Exception):
 
 
 def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool, hangs: bool = False) -> Decay:
-    """Find the vibrations in a ring-down, with their frequencies and loss factors.
+    """Find the vibrations in a ring-down (a recording of a free vibration), with frequencies and loss factors.
 
     Parameters
     ----------
@@ -282,8 +282,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
 def _lasting(values: Array, size: int) -> Array:
     """Return, for each frequency of a spectrum, 1 if the power there hardly decreases during the recording, else 0.
 
-    Such power is the hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: the number of values for
-    the Fourier transform.
+    Lasting power is the hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: the number of values
+    for the Fourier transform.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]

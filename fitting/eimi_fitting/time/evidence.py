@@ -46,8 +46,8 @@ class Evidence(Protocol):
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the k residuals (computed minus measured numbers) of P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty. A law has an instantaneous shear modulus (Pa), a Prony series, and
-        the logarithm of a factor on the magnetic loads.
+        Each is divided by its standard uncertainty. instantaneous_Pa: instantaneous shear moduli, (P,). series: Prony
+        series. load_log: logarithms of factors on the magnetic loads, (P,).
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:

@@ -81,7 +81,7 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class StaticRun:
-    """The static states of one run.
+    """The static states (shapes at rest under constant loads) of one run.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ def identify_time(
     free_times: bool = True,
     most_terms: int = _MOST_TERMS,
 ) -> LawOfTime:
-    """Identify a shear modulus and a Prony series from ring-downs, creep and static states.
+    """Identify a shear modulus and a Prony series from free vibrations (ring-downs), creep and shapes at rest.
 
     Parameters
     ----------

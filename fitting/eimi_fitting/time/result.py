@@ -112,9 +112,9 @@ class CreepCurve:
 
 @dataclass(frozen=True)
 class LawOfTime:
-    """The identified viscoelastic law: a shear modulus that depends on time, see `docs/why/time.md`.
+    """The identified viscoelastic law: a shear modulus that depends on time.
 
-    mu*(s) is the complex modulus, and mu(t) the modulus at the time t after a sudden strain (`laws.prony`).
+    mu* is the complex modulus, and mu(t) the modulus at the time t after a sudden strain.
 
     Attributes
     ----------

@@ -213,7 +213,7 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """The frequencies, the modulus and the eigenvalues of the solid model, compared with the planar model.
+        """Three comparisons of the solid model with the planar model: frequencies, modulus, and squared frequencies.
 
         They are: three frequencies divided by those of the planar model, (3,); the factor on the modulus with which the
         planar model bends as far; squared angular frequencies of three modes at two moduli, (3, 2) in 1/s².

@@ -161,7 +161,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus from an elastic fit to static states, as evidence (a residual of a Prony fit).
+    """The shear modulus of an elastic fit to shapes at rest, as evidence (one residual) for a viscoelastic law.
 
     Attributes
     ----------

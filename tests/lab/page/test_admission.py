@@ -110,10 +110,9 @@ def test_another_user_of_the_computer_gets_neither_the_token_nor_an_answer(serve
 def test_the_browser_is_given_a_file_and_not_the_token(
     data_folder: Path, tab: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The browser is started with a file that leads it to the page, because all users can see command lines.
+    """The browser is started with a file that contains the token (a secret), because all users can see command lines.
 
-    The file contains the token; the command line does not. In this test, a command that writes down its own command
-    line takes the place of the browser (variable `BROWSER`).
+    In this test, a command that writes down its own command line takes the place of the browser.
     """
     shown = tmp_path / "shown"
     shim = tmp_path / "browser"
@@ -137,9 +136,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """If the tab of the dashboard follows a link to another server on the same host, this server gets no token.
-
-    It gets no cookie either. The other server may belong to another user of the computer.
+    """If a tab of the dashboard follows a link to another server on the same host, this server gets no token or cookie.
     """
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
@@ -177,10 +174,7 @@ def test_a_post_of_another_origin_is_refused(served: Any, origin: str) -> None:
 
 @pytest.mark.parametrize(("length", "status"), [(1 << 15, 400), ((1 << 16) + 1, 413), (1 << 30, 413)])
 def test_a_request_that_is_too_long_is_not_read(served: Any, length: int, status: int) -> None:
-    """A request that announces more than 64 KiB is refused with the status 413, before its body is read.
-
-    A shorter request is read. Its body is not valid here, which gives the status 400.
-    """
+    """A request that announces more than 64 KiB is refused with the status 413, before its body is read."""
     origin = f"http://{served.host}"
     body = b"x" * min(length, 1 << 15)
     answer = served.ask("/api/pictures/edges", "POST", body, Origin=origin, Content_Length=str(length))

@@ -200,11 +200,7 @@ def a_run(changed: list[str]) -> BenchRun:
 
 
 def test_the_progress_of_a_run_follows_its_events() -> None:
-    """The displayed progress of a run changes with each event of the run, and every change is sent to the tabs.
-
-    A tab shows the dashboard in a browser. The remaining time is estimated from the mean time between the stored
-    states.
-    """
+    """The displayed progress changes with each event of a run, and every change is sent to the tabs of the browser."""
     changed: list[str] = []
     run = a_run(changed)
     expected = asdict(Progress(3, "sub/d.h5", "p", "s", "virtual")) | {"said": []}

@@ -74,10 +74,7 @@ def test_a_frame_that_is_larger_than_its_slot_is_thinned_out(memory: int) -> Non
 
 
 def test_a_frame_that_is_overwritten_during_each_attempt_is_not_shown(memory: int) -> None:
-    """A frame that is overwritten while it is read is not returned, even after several attempts.
-
-    The memory contains a counter before and after the pixels of a frame. While the pixels are written, the two differ.
-    """
+    """A frame that is overwritten while it is read is not returned, even after several attempts."""
     frames = FrameMemory(memory)
     frames.write(np.zeros((2, 2), np.uint8), {})
     place = frames._place(1)

@@ -193,10 +193,7 @@ def position(mark: Any) -> list[float]:
 
 
 def test_the_loupe_is_small_and_lies_beside_the_point(served: Any, phone: Phone, photographs: list[Path]) -> None:
-    """The loupe (a magnified part of the picture) does not hide the place at which the user points.
-
-    It lies on the other half of the picture than the pointer. It disappears if the pointer leaves the picture.
-    """
+    """The loupe (a magnified part of the picture) does not hide the place at which the user points."""
     (served.folder / "loupe").mkdir(exist_ok=True)
     (served.folder / "loupe" / "IMG_0.jpg").write_bytes(photographs[0].read_bytes())
     page = phone.page
