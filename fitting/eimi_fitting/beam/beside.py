@@ -99,7 +99,7 @@ class SolidBeside:
     along, across : int
         Number of elements along the flexible part, and number of elements across the width.
     more : int
-        Number of additional elements over half of the depth, see `SolidGrid`.
+        Number of additional elements over half of the depth.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:

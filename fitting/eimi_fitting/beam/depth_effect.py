@@ -76,7 +76,7 @@ class DepthEffect:
         The differences d_i between the two models in these states.
     by_turn : bool
         Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
-        straight line through the loads of all states (see the module).
+        straight line through the loads of all states.
     base : DepthEffect or None
         The depth effect b(s) of a similar candidate law; only the difference d - b is interpolated. None: d is
         interpolated. If ``by_turn``, d(0) = b(0) is assumed.

@@ -346,7 +346,7 @@ class Solid:
         only_try : bool
             True: give up a candidate, with the status DIVERGED, as soon as the matrix that has to be factorised is not
             positive definite. This saves the slow factorisation of such matrices, and is used for starts after which
-            another start can be tried. A rigid body with silicone around it is not part of this matrix (`beam.system`).
+            another start can be tried. A rigid body with silicone around it is not part of this matrix.
 
         Returns
         -------

@@ -43,7 +43,7 @@ class Loads:
         Pressure on the specimen's pressure face in Pa, positive if it pushes on the body; one value for all states or
         one for each state.
     others : tuple of Actuation
-        Further kinds of load, see `plus`.
+        Further kinds of load.
     coil : CoilShape or None
         The ratio of the field at any point to ``field_T``, the field at the position of the magnet at rest. None: the
         field is uniform.

@@ -31,7 +31,7 @@ class BeamModel:
     specimen : Specimen
         The beam, with its magnet if it has one.
     along : int
-        Number of elements along the flexible part, see `Grid`.
+        Number of elements along the flexible part (between the clamp and the magnet).
     across : int or None
         Number of elements across the width. None: chosen from the proportions of the beam.
     plane : {"plane-stress", "plane-strain"} or None

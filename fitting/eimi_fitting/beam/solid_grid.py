@@ -49,7 +49,7 @@ class SolidGrid:
     specimen : Specimen
         The beam, with its magnet if it has one.
     along, across : int
-        Numbers of elements, see `Grid`.
+        Numbers of elements along the flexible part and across the width.
     more : int
         Number of additional elements over half of the depth. A magnet of smaller depth than the beam divides this half
         into two sections, and each section gets the additional elements.
@@ -69,7 +69,7 @@ class SolidGrid:
     per_specimen : float
         1/2, the fraction of a load that acts on the mesh. The mesh is half of the specimen.
     block_mm, magnet_nodes, face_mm, turn_rad
-        See `Grid`.
+        As in the planar mesh (`Grid`).
     """
 
     per_specimen = 0.5

@@ -26,9 +26,9 @@ class SolidModel:
     specimen : Specimen
         The beam, with its magnet if it has one.
     along, across : int
-        Numbers of elements along the flexible part and across the width, as in `BeamModel`.
+        Numbers of elements along the flexible part and across the width.
     more : int
-        Additional elements over half of the depth, see `SolidGrid`.
+        Additional elements over half of the depth.
 
     Raises
     ------

@@ -111,7 +111,7 @@ class System:
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
             The matrices of all E elements with d unknowns each. An iterable yields them in groups of ``at_once``
-            elements (an argument of `System`), so that only one group is in memory at a time.
+            elements, so that only one group is in memory at a time.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
@@ -126,7 +126,7 @@ class System:
         symmetric : bool
             Whether the stiffness is symmetric.
         only_definite : bool
-            See `beam.band.factorise`.
+            True: do not solve candidates whose factorised matrix is symmetric but not positive definite.
         """
         rest = right - self.assembled(force)
         parts = self._assembly.divided(stiffness) if isinstance(stiffness, np.ndarray) else stiffness

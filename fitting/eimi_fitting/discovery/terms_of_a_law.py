@@ -53,8 +53,7 @@ class Alternative:
     held_out_error : float
         Root mean square prediction error of the cross-validation, in units of the noise.
     stable_to : float or None
-        Largest stretch up to which the law is stable; None if the law is stable at all checked stretches
-        (`laws.stability.stable_up_to`).
+        Largest stretch up to which the law is stable; None if the law is stable at all checked stretches.
     """
 
     terms: tuple[Term, ...]
@@ -193,7 +192,7 @@ def discover(
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
-        An exception of the Neo-Hookean fit (`identify`), which is done if ``modulus_Pa`` is not given.
+        An exception of the Neo-Hookean fit, which is done if ``modulus_Pa`` is not given.
 
     Examples
     --------

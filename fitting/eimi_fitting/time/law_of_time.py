@@ -155,7 +155,7 @@ class TimeOptimum:
     problem : Problem
         The fit, with its data and unknowns.
     unknowns : ndarray, shape (m,)
-        The m unknowns at the optimum, in the order of `Problem.mean`.
+        The m unknowns at the optimum: those of the law, then the logarithm of the factor on the magnetic loads.
     jacobian : ndarray, shape (k + m, m)
         Derivatives of the k residuals of the data and the m residuals of the priors by the unknowns.
     chi2 : float

@@ -72,7 +72,7 @@ class ModalFit:
         states.
     linear : ndarray, shape (f, r)
         For each reduced signal, the coefficients of the f functions of time whose sum is fitted to it. The functions
-        are the columns of `design_matrix`.
+        describe the vibrations and the slow motion.
     """
 
     signals: Signals

@@ -233,10 +233,10 @@ def result_of(
     sources : mapping of str to float
         Standard uncertainties of the uncertain inputs, such as the width, by name.
     effects, steps : mapping of str to ndarray
-        Changes of the residuals (``effects``) and of the unknowns (``steps``) by these uncertainties, see
-        `Problem.effects` and `TimeOptimum.steps`.
+        Changes of the residuals (``effects``) and of the unknowns (``steps``) by these uncertainties, one array for
+        each input.
     load_sigmas : mapping of str to float
-        Relative standard uncertainties of the magnetic loads, see `relative_load_sigmas`.
+        Relative standard uncertainties of the magnetic loads, by name.
     draws, draws_fit : ndarray, shape (D, m)
         Draws of the m unknowns, with the sources of uncertainty (``draws``) and without (``draws_fit``).
     doubts : tuple of str

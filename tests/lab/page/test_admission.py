@@ -136,8 +136,7 @@ def test_the_browser_is_given_a_file_and_not_the_token(
 
 
 def test_a_server_on_another_port_learns_nothing_from_the_browser(served: Any, tab: Any) -> None:
-    """If a tab of the dashboard follows a link to another server on the same host, this server gets no token or cookie.
-    """
+    """If a tab of the dashboard follows a link to another server on the same host, this server gets no token."""
     page = tab(served.address)
     page.get_by_text("in control").first.wait_for()
     with socket.create_server(("127.0.0.1", 0)) as other:
