@@ -55,10 +55,9 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of the searched picture that shows the beam, described at k points from the clamp outward.
+    """The band of the picture that shows the beam (the strip), at k points from the clamp outward.
 
-    A strip is a narrow band of the picture between two possible edges of the beam. Lengths are in px of the searched
-    picture.
+    Lengths are in px of the searched picture.
 
     Attributes
     ----------
@@ -69,17 +68,13 @@ class Strip:
     width : ndarray, shape (k,)
         Width of the strip at each point.
     gain : ndarray, shape (k,)
-        Gain of the search step that ended at each point: a measure of how clearly the picture shows both edges, less
-        the costs of bends.
+        How clearly the picture shows both edges between this point and the point before, less a cost for bends.
     step_px : float
         Distance between neighbouring points.
     variance : float
-        Variance of the colours inside the strip, summed over the colour channels. It shows how much two colours of the
-        beam may differ: by up to three standard deviations they count as equal.
+        Variance of the colours inside the strip, summed over the colour channels.
     rival : float
-        Score (sum of the gains) of the best strip along another body, divided by the score of this strip. The ratio is
-        above 1 if, for example, the other strip has the higher score, but the beam in an earlier picture was nearer to
-        this strip.
+        Score (sum of the gains) of the best strip along another body, divided by the score of this strip.
     """
 
     place: Array
@@ -92,13 +87,13 @@ class Strip:
 
     @property
     def length_px(self) -> float:
-        """Length of the strip, the band of the picture that shows the beam, from the clamp to its outer end, px."""
+        """Length of the band of the picture that shows the beam, from the clamp to its outer end, px."""
         return self.step_px * (len(self.gain) - 1)
 
 
 @dataclass(frozen=True)
 class _Stiffness:
-    """How strongly a strip (a band of the picture that may show the beam) is expected to bend.
+    """How strongly the beam is expected to bend.
 
     `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest permitted curvature,
     1/px.
@@ -109,28 +104,23 @@ class _Stiffness:
 
 
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
-    """Search for the strip of a picture that shows the beam, and return the strip with the highest score.
-
-    A strip is a narrow band of the picture between two possible edges. Its score measures how clearly the picture shows
-    both edges. The strip begins at the clamp and ends where its score is highest. If a person clicked points of the
-    beam, the strip does not end before the last of these points, even if a part of the beam before this point is
-    hidden.
+    """Search for the band of the picture (strip) that shows the beam.
 
     Parameters
     ----------
     picture : WorkingPicture
         The picture, scaled to a given width of the beam.
     polarity : {"dark", "bright"}, optional
-        Whether the beam is darker or brighter than its surroundings at the root; None if either is possible.
+        Whether the beam is darker or brighter than its surroundings at the clamp; None if either is possible.
     earlier : callable
-        Function that returns n points of the beam in an earlier picture, in pixels of this picture, shape (n, 2), or
-        None. The function is called only if several bodies have about the same score. The body nearest to the n points
+        Function that returns points of the beam in an earlier picture, in pixels of this picture, shape (n, 2), or
+        None. The function is called only if several bodies are about equally likely; the body nearest to these points
         is then used.
 
     Returns
     -------
     Strip or None
-        None if no strip has a positive score.
+        None if the edges of no band are clear enough.
     """
     beam = picture.beam
     width, length = beam.width_px, beam.length_px
@@ -149,10 +139,10 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The strips (bands of the picture that may show the beam) after one step of the search for the beam.
+    """The possible bands of the beam in the picture after one step of the search.
 
-    For each of n strips: `parent`, the index of the shorter strip from which the strip was extended, and `gain`, a
-    measure of how clearly the step shows both edges, less the costs of bends. Both have the shape (n,).
+    `parent` is the index of the shorter band from which each band was extended. `gain` measures how clearly the picture
+    shows both edges of the added piece, less a cost for bends.
     """
 
     strips: Hypotheses
@@ -161,10 +151,7 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the strips (bands that may show the beam) with which the search begins, near the clamp.
-
-    The strips lie half a beam's width ahead of the clamp.
-    """
+    """Return the first short bands of the picture that may show the beam, near the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     stated = float(beam.relative_width(_SEED_AT * width)) * width
@@ -196,19 +183,16 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 def _extended(
     picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every strip by one step, and keep the best of the extended strips.
-
-    A strip is a band of the picture that may show the beam. Each strip is extended in 13 ways, with different bends,
-    widths and sideways shifts. `along` is the distance of the new ends from the clamp, px.
+    """Extend every band that may show the beam by one step, and keep the best of the extended bands.
 
     Returns
     -------
     strips : Hypotheses
-        The n extended strips.
+        The n extended bands.
     parent : ndarray of int, shape (n,)
-        Index of the strip that was extended.
+        Index of the band that was extended.
     gain : ndarray, shape (n,)
-        Gain of the step: a measure of how clearly the picture shows both edges in the step, less the costs of bends.
+        How clearly the picture shows both edges of the added piece, less a cost for bends.
     """
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
@@ -254,24 +238,12 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a step of the search: for a sudden bend, for a strong bend and for an unusual width.
-
-        cost = 0.6 c² + 4 (ln w)² + 0.03 (k / 0.6)²
-
-    c is `more_bend`, the change of the curvature in this step, in units of the usual change (`_Stiffness.bend`). w is
-    `width`, in nominal widths of the beam. k is the curvature `bend` (1/px) times the nominal width `width_px`.
-    """
+    """Return the cost of a step of the search: for a sudden bend, for a strong bend and for an unusual width."""
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the best strips, without strips that are almost the same as a better one.
-
-    A strip is a band of the picture that may show the beam; the best strips have the highest scores. Strips are almost
-    the same if their ends lie in the same small square of the picture and their directions in the same small interval.
-    x, y: outer ends of the strips, px. angle: directions, rad. width: nominal width of the beam, px; a side of the
-    squares is a fifth of it. The indices are in the order of decreasing score.
-    """
+    """Return the indices of the bands with the highest scores, without near duplicates of a better band."""
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
     key = np.zeros(len(order), dtype=np.int64)
@@ -286,12 +258,7 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 def _best_strip(
     trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None], least: int
 ) -> Strip | None:
-    """Return the strip with the highest score, traced back to the clamp; None if no score is positive.
-
-    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges. `trail` contains the strips after each step of the search; the returned strip has at least `least` steps of
-    the length `step`, px. `width` and `earlier` are the same as for `_index_of_best`.
-    """
+    """Return the band of the picture that most probably shows the beam; None if no score is positive."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
     if last == 0 or best[last] <= 0.0:
@@ -314,13 +281,7 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the best strip among the strips after the last step of the search.
-
-    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges; the best strip has the highest score. If strips along several bodies have about the same score, the body
-    nearest to the beam in an earlier picture is chosen. `trail` contains the strips after each step. `earlier` returns
-    points of the beam in the earlier picture, px, or None. `width` is the nominal width of the beam, px.
-    """
+    """Return the index of the band that most probably shows the beam, after the last step of the search."""
     score = trail[-1].strips.score
     best = int(score.argmax())
     equals = np.flatnonzero(score >= _TIE * score[best])
@@ -345,11 +306,7 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best strip along another body, divided by the score of the chosen strip.
-
-    A strip is a band of the picture that may show the beam. Its score measures how clearly the picture shows both
-    edges. Both scores are taken at the middle of the length of the chosen strip.
-    """
+    """Return the score of the best band along another body, divided by the score of the chosen band."""
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

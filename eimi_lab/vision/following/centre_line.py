@@ -39,11 +39,11 @@ class CentreLine:
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
-        Distance from each point of the line within which a strip (a band that may show the beam) has no cost.
+        Distance from each point of the line within which the search may go without a cost.
     evidence : float
-        Gain (contribution to the score of a strip) of a search step whose distance from the line is at most `free_px`.
+        Gain of a search step within this distance.
     largest_cost : float
-        Largest cost (negative gain) of a search step farther from the line than `free_px`.
+        Largest cost (negative gain) of a search step farther from the line.
     """
 
     points: Array
@@ -58,38 +58,26 @@ class CentreLine:
         return self.length_px if self.evidence > 0.0 else 0.0
 
     def scaled(self, factor: float, origin_px: Array) -> CentreLine:
-        """Return this expected centre line in px of a part of the picture.
-
-        The part begins at `origin_px`, px, and is enlarged by `factor`.
-        """
+        """Return this line in px of a part of the picture that begins at `origin_px` and is enlarged by `factor`."""
         points = (self.points - origin_px + 0.5) * factor - 0.5
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return the gain of search steps, from the distance between the end of each step and this line.
-
-        A search step extends a strip, a band of the picture that may show the beam; the gain of the step is added to
-        the score of the strip. Let d be the distance between the end of the step and the part of the line that is about
-        equally far from the clamp. With the attributes `evidence`, `free_px` and `largest_cost` of this line, the gain
-        is
-
-        evidence                      if d <= free_px,
-        - min(e² / 2, largest_cost)   if d > free_px, with e = (d - free_px) / (half of the beam's width),
-        0                             if the step ends farther from the clamp than the line.
+        """Return the gain of steps of the search for the beam: positive near this line, negative far from it.
 
         Parameters
         ----------
         x, y : ndarray, shape (...)
             Coordinates of the ends of the search steps, px.
         along_px : float
-            Distance of the ends of the search steps from the clamp, along the strip.
+            Distance of these ends from the clamp, along the path of the search.
         width_px : float
             Width of the beam.
 
         Returns
         -------
         ndarray, shape (...)
-            The gains.
+            The gains; 0 beyond the end of the line.
         """
         if along_px > self.length_px:
             return np.zeros(x.shape)
@@ -103,14 +91,9 @@ class CentreLine:
 
 
 def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
-    """Return the most probable line from the clamp past the points that a person clicked.
+    """Return the most probable centre line of the beam from the clamp past the points that a person clicked.
 
-    The line does not pass through the clicked points: each click has an error, and a line through two clicks that are
-    close together would turn sharply. The line is instead estimated by Bayes' rule. A priori, the direction of the beam
-    is a random walk along the beam that begins with the direction at the clamp. Each clicked point is then a
-    measurement of one position, with a normally distributed error. The mean of the positions after all measurements is
-    the line, a cubic smoothing spline (G. Wahba, "Improper priors, spline smoothing and the problem of guarding against
-    model errors in regression", J. R. Stat. Soc. B 40 (1978) 364).
+    The line does not pass exactly through the points, because each click has an error.
 
     Parameters
     ----------
@@ -126,6 +109,8 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     CentreLine
         The expected centre line of the beam.
     """
+    # The direction of the beam is a random walk, and each click measures a position: a cubic smoothing spline
+    # (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364).
     corners = _merged(off_clamp(clamp_px, clicks_px))
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     at, clicked = np.linspace(0.0, chord[-1], 4 * _SAMPLES), chord[1:]
@@ -140,22 +125,14 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
 
 
 def _covariance(one: Array, other: Array, length_px: float) -> Array:
-    """Return the prior covariance (px²) of the positions of the beam's centre line, before any clicked point is used.
-
-    `one` (n,) and `other` (m,) are distances from the clamp, px; the result has the shape (n, m). It applies to each
-    coordinate, x and y. The direction is uncertain at the clamp, and then varies along the beam as a random walk, whose
-    standard deviation is `_TURN_SIGMA_RAD` at the distance `length_px`.
-    """
+    """Return the prior covariance (px²) of positions of the beam's centre line at given distances from the clamp."""
     nearer, farther = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
     walk = _TURN_SIGMA_RAD**2 / length_px * nearer**2 * (farther / 2.0 - nearer / 6.0)
     return np.asarray(_CLAMP_SIGMA_PX**2 + _AXIS_SIGMA_RAD**2 * one[:, None] * other + walk)
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the line along which the beam is expected, because its centre line lay there in another picture.
-
-    middle_px: n points of the centre line in the other picture, px, shape (n, 2).
-    """
+    """Return the line along which the beam is expected, because its centre line lay there in another picture."""
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
@@ -171,8 +148,7 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
     Returns
     -------
     CentreLine
-        The mean of both lines, which ends where the shorter line ends. In the search for the beam, it has the same
-        weight as a line that a person clicked on the beam.
+        The mean of both lines, which ends where the shorter line ends.
     """
     lines = [_line(points, np.zeros(len(points)), 0.0, 0.0) for points in (first_px, second_px)]
     length = min(line.length_px for line in lines)
@@ -186,11 +162,9 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp, followed by the clicked points, but without the first points within 20 px of the clamp.
+    """Return the clamp, followed by the clicked points, without the first points that are within 20 px of the clamp.
 
-    Such points say little about the direction of the beam, because a click may lie 10 px beside the beam. The last
-    point is always kept. The clamp has the shape (2,) and the n clicked points (n, 2), in px. The result has the shape
-    (1 + k, 2) with k <= n.
+    The last point is always kept.
     """
     far = np.linalg.norm(clicks_px - clamp_px, axis=1) > 2.0 * CLICKED_PX
     first = int(far.argmax()) if far.any() else len(clicks_px) - 1
@@ -198,12 +172,7 @@ def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
 
 
 def _merged(corners: Array) -> Array:
-    """Replace each group of clicked points that are close together by the mean of the group.
-
-    A click may lie 10 px beside the beam. Two clicks that are less than 40 px apart therefore say little about the
-    direction of the beam. `corners` (n, 2) is the clamp followed by n - 1 clicked points, px; the clamp is returned
-    unchanged.
-    """
+    """Replace each group of clicked points that are close together by the mean of the group."""
     groups: list[list[Array]] = []
     for place in corners[1:]:
         if groups and np.linalg.norm(place - np.mean(groups[-1], axis=0)) < _APART_PX:

@@ -16,10 +16,7 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Add the distance of the farthest clicked point from the followed path to the findings (measured values).
-
-    The followed path is the centre line along which the beam was followed from its clamp. The distance is reduced by
-    the error of a click, and is given in widths of the beam.
+    """Add to the measured values how far the farthest clicked point lies from the path of the followed beam.
 
     Parameters
     ----------
@@ -28,13 +25,13 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     clicks : ndarray, shape (n, 2)
         The n clicked points, px.
     width_px : float
-        Nominal width of the beam.
+        Width of the beam according to the specimen file.
 
     Returns
     -------
     FollowedBeam
-        The result with the finding ``"followed_click"``. The result is unchanged if the beam was too narrow to be
-        followed.
+        The result with this distance, beyond the error of a click, in widths of the beam. The result is unchanged if
+        the beam was too narrow to be followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:
@@ -51,10 +48,7 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
 
 
 def off_path(path: Array, clicks: Array) -> Array:
-    """Return the distance of each of n clicked points from a path, px, shape (n,).
-
-    path: m points of the path, px, shape (m, 2). clicks: the clicked points, px, shape (n, 2).
-    """
+    """Return the distance of each clicked point from a path, px."""
     begin, step = path[:-1], np.diff(path, axis=0)
     offset = clicks[:, None] - begin
     share = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)

@@ -23,19 +23,18 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """The left and the right edge of the beam at n stations (places) along the beam.
+    """The left and the right edge of the beam at n places along the beam, in a picture sampled along and across it.
 
-    The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
-    nominal width of the beam.
+    The unit of length is the width of the beam in the specimen file.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
         Position of the left edge (row 0) and of the right edge (row 1) across the beam.
     support : ndarray, shape (2, n)
-        Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
+        Change of colour at the edge, from 0 to 1; 1 is a full step from the inside to the outside colour.
     projected : tuple of ColourProjection
-        The colour projection (weighted sum of the colours) of each edge.
+        For each edge, the weighted sum of the colours in which the edge is located.
     shadow : ndarray, shape (2, n)
         Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """
@@ -49,31 +48,27 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both edges of the beam in its unrolled picture, in several passes (repeated searches).
-
-    Each pass computes the colour projections (weighted sums of the colours, 1 inside and 0 outside) from the colours
-    inside and outside the edges of the previous pass.
+    """Find both edges of the beam in a picture that is sampled along and across the beam.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The sampled picture.
     edge : ndarray, shape (2, n)
-        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam at n stations (places)
-        along the beam, in nominal widths.
+        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam at n places along the
+        beam, in widths of the beam.
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     tolerances : iterable of float
-        For each pass, by how much an edge is expected to differ from its position in the previous pass: a standard
-        deviation, in nominal widths.
+        For each of the repeated searches, the standard deviation of the distance between an edge and its previous
+        position, in widths of the beam.
     shadowless : bool
-        Whether to use only projections in which the surroundings look the same in shadow and in light. In the first
-        pass, the colours of the middle of the beam then count as inside.
+        Whether to use only weighted sums of the colours in which the surroundings look the same in shadow and in light.
 
     Returns
     -------
     Seams
-        Both edges after the last pass.
+        Both edges after the last search.
     """
     for number, tolerance in enumerate(tolerances):
         band = BODY_BAND if shadowless and number == 0 else INSIDE_BAND

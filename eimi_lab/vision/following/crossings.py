@@ -24,10 +24,7 @@ _WIDEST = 0.8  # widths along the beam: a longer part of another colour belongs 
 
 
 def leave_out_crossings(unrolled: UnrolledPicture) -> UnrolledPicture:
-    """Mark the points of the unrolled picture that show a body which crosses the beam.
-
-    A crossing body differs from the usual colour at the same distance from the middle line of the beam, reaches from
-    one side of the picture to the other, and is narrow.
+    """Mark the points of the picture that show a body which crosses the beam.
 
     Parameters
     ----------

@@ -31,22 +31,20 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """The colour projection of one edge: a weighted sum of the colours that is 1 inside the beam and 0 outside.
+    """A weighted sum of the colours that is 1 inside the beam and 0 outside, for one edge of the beam.
 
-    The projection is computed in the unrolled picture, with weights that vary along the beam. The unrolled picture is
-    the picture, sampled at n stations (places) along the beam and m points across the beam.
+    The picture is sampled at n places along the beam and m points across it.
 
     Attributes
     ----------
     share : ndarray, shape (n, m)
-        Projected colours, about 1 inside and 0 outside.
+        The weighted sum at each point, about 1 inside and 0 outside.
     separation : ndarray, shape (n,)
-        Distance between the mean colours inside and outside, in standard deviations of the projected colour.
+        Distance between the mean colours inside and outside, in standard deviations of the weighted sum.
     weight : ndarray, shape (n, channels)
         Weight of each colour channel.
     level : ndarray, shape (n,)
-        Weighted sum of the mean colour outside. The projected colour is colour · weight - level, so that it is 0
-        outside and 1 inside.
+        Number that is subtracted from the weighted sum, so that it is 0 outside.
     step : ndarray, shape (n, channels)
         Mean colour inside minus mean colour outside.
     """
@@ -66,30 +64,28 @@ def project(
     shadowless: bool = False,
     inside_band: tuple[float, float] = INSIDE_BAND,
 ) -> ColourProjection:
-    """Compute the colour projection of one edge from the colours on both sides of the edge.
-
-    A colour projection is a weighted sum of the colours that is 1 inside the beam and 0 outside.
+    """Compute a weighted sum of the colours that is 1 inside the beam and 0 outside, from the colours beside one edge.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     edge : ndarray, shape (n,)
-        Position of the edge across the beam at n stations (places along the beam), in nominal widths.
+        Position of the edge across the beam at n places along the beam, in widths of the beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     shadowless : bool
-        Whether to use only projections in which the outside colour and all its multiples have the same value, so that a
-        shadow on the background is invisible. A picture with one channel has no such projection.
+        Whether to use only weighted sums in which the outside colour and all its multiples have the same value, so that
+        a shadow on the background is invisible. A picture with one channel has no such sum.
     inside_band : tuple of float
-        Least and largest distance from the edge, in nominal widths, of the colours that count as inside the beam.
+        Least and largest distance from the edge, in widths of the beam, of the colours that count as inside.
 
     Returns
     -------
     ColourProjection
-        The projected colours, about 1 inside the beam and 0 outside, and the weights of the projection.
+        The weights and the weighted sum at each point.
     """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])
@@ -120,12 +116,7 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean and the covariance of the selected colours in a window around each of n stations.
-
-    A station is a place along the beam; at each station, colours are sampled at m points across the beam. colours: the
-    sampled colours with c channels, shape (n, m, c). mask: whether each point is used, shape (n, m). window: length of
-    the window along the beam, number of stations. The means have the shape (n, c), the covariances (n, c, c).
-    """
+    """Return the mean and the covariance of the selected colours in a window around each place along the beam."""
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
     weighted = share[..., None] * colours
@@ -140,11 +131,7 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _beam_probability(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return, for each sampled point, the probability that its colour is a colour of the beam, shape (n, m).
-
-    The probability follows from the frequencies of the colour at the points `inside` and `outside` the beam. The n by m
-    points are those of the unrolled picture: n stations (places) along the beam and m points across it.
-    """
+    """Return, for each sampled point, the probability that its colour is a colour of the beam."""
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)

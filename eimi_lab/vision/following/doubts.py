@@ -22,30 +22,26 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 
 
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
-    """Return by how much (px) an edge may be wrong because it is the border of the beam's own shadow; 0 if it is not.
-
-    Both edges of a beam are about equally far from the lens, and therefore equally blurred. The border of a shadow is
-    more blurred, because the lamp has a size, and a shadow is darker than its surroundings in every colour. An edge may
-    therefore be the border of a shadow if it is clearly more blurred than the other edge, and if every colour is darker
-    on its inner side. An edge that is at least twice as blurred as the other may be such a border whatever its colours.
+    """Return by how much (px) an edge may be wrong because it is the blurred border of the beam's own shadow.
 
     Parameters
     ----------
     left, right : StripEdges
         The located edges.
     sides : Sides
-        Both edges of the beam in the unrolled picture (the picture, sampled along and across the beam).
+        Both edges of the beam in the picture that is sampled along and across the beam.
     width_px : float
-        Nominal width of the beam.
+        Width of the beam according to the specimen file.
 
     Returns
     -------
     float
-        The larger of two values: the blur of the more blurred edge, and the excess of the measured width over the
-        nominal width. 0 if no edge looks like the border of a shadow.
+        The larger of two values: the blur of the more blurred edge, and the excess of the measured width. 0 if no edge
+        looks like the border of a shadow.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])
+    # The border of a shadow is more blurred than an edge, because the lamp has a size, and darkens every colour.
     ratio = blur_px[soft] / blur_px[1 - soft]
     sound = sides.sound[soft]
     darkens = bool((np.median(sides.projected[soft].step[sound], axis=0) < 0.0).all())
@@ -57,21 +53,12 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
 
 
 def shadow_px(sides: Sides, width_px: float) -> float:
-    """Return how far (px) the edges may be wrong because of shadows.
-
-    Where a shadow is possible beside the beam, its border and the located edge are both possible edges (`sides.shadow`
-    is the distance between them). The result is the root mean square of this distance over the places along the beam at
-    which an edge is reliable. width_px: nominal width of the beam, px.
-    """
+    """Return by how much (px) the edges may be wrong because of shadows beside the beam."""
     return width_px * float(np.sqrt((sides.shadow[sides.sound] ** 2).mean()))
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length on which the reflection of a lamp lies.
-
-    The larger of the shares of the two edges is returned. At a reflection, the picture is clipped (saturated) at the
-    edge, but neither in the middle of the beam nor in the surroundings.
-    """
+    """Return the share of an edge's length on which the reflection of a lamp lies, for the worse edge."""
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
@@ -84,10 +71,7 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length along which a colour beside the edge is clipped (saturated).
-
-    The larger of the shares of the two edges is returned. Clipping moves an edge away from the clipped side.
-    """
+    """Return the share of an edge's length beside which a colour is clipped (saturated), for the worse edge."""
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):

@@ -44,9 +44,7 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 @dataclass(frozen=True)
 class StripEdges:
-    """The points of one edge of a beam that was followed from its clamp, in pixels of the image.
-
-    The points are in the order from the clamp outward.
+    """The points of one edge of a beam, in pixels of the image, from the clamp outward.
 
     Attributes
     ----------
@@ -55,7 +53,7 @@ class StripEdges:
     sigma : ndarray, shape (n,)
         Standard deviation of each point along the normal of the edge.
     along : ndarray, shape (n,)
-        Distance from the clamp, in nominal widths of the beam.
+        Distance from the clamp, in widths of the beam.
     blur_px : float
         Standard deviation of the blur of the edge.
     """
@@ -71,11 +69,6 @@ def locate_edge(
 ) -> StripEdges | None:
     """Locate the points of one edge in the original image, after the beam was followed from its clamp.
 
-    Profiles are read on normals to the edge. The colours of the profiles are converted to one number by the colour
-    projection of the edge (a weighted sum). Blurred steps (from the inside to the outside value) are fitted to the
-    projected profiles (`edges.profiles.fit_steps`). The fit is repeated on normals to the smooth curve through the
-    points of the first fit.
-
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
@@ -83,7 +76,7 @@ def locate_edge(
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam.
     sides : Sides
-        Both edges of the beam in the unrolled picture.
+        Both edges of the beam in the sampled picture.
     side : int
         0 for the left edge, 1 for the right edge.
     spacing_px : float
@@ -121,19 +114,15 @@ def locate_edge(
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
-    """Return, for each of n points, the index of the nearest of the m points of an edge, shape (n,).
-
-    points: shape (n, 2). seam: the points of the edge, shape (m, 2).
-    """
+    """Return, for each point, the index of the nearest of the points of an edge."""
     return np.asarray(scipy.spatial.cKDTree(seam).query(points)[1])
 
 
 @dataclass(frozen=True)
 class _Edge:
-    """The image, and the weighted sum of its colours that becomes one number along lines across an edge of the beam.
+    """One edge of the beam in an image, with the weighted sum of the colours in which it is located.
 
-    `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1. `width_px` is the
-    nominal width of the beam.
+    `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1.
     """
 
     image: NDArray[Any]
@@ -144,16 +133,7 @@ class _Edge:
     def fitted(
         self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], half: float, blur: float, level: bool
     ) -> tuple[Array, Steps, Mask]:
-        """Locate n edge points on lines across a curve near the edge, by fits of blurred steps to the grey values.
-
-        Return the edge points in px, shape (n, 2), the fitted steps, and whether each step was detected, shape (n,).
-
-        The n lines cross the curve at the arc lengths `place` (n,), px, and reach `half` px to both sides. The grey
-        value at a point of a line is a weighted sum of its colours. The weights vary along the beam, and are known at
-        stations (places along the beam). `station` (n,) is the index of the station that is nearest to each line. The
-        fit starts from the blur `blur`, px. If `level` is true, the slope of the light beside the edge is removed
-        first. The curve must then be close to the edge.
-        """
+        """Locate edge points near a curve; return them in px, the fitted steps, and whether each step was detected."""
         u = stations(half, half)
         profiles, inside = self._profiles(curve, place, station, u)
         if level:
@@ -167,13 +147,7 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """Return projected colours along n normals, shape (n, m), and whether each normal is in the image, shape (n,).
-
-        The returned colour is 1 minus the projected colour (a weighted sum of the colours), so that it rises outward
-        from about 0 inside the beam to 1 outside. The normals cross `curve` at the arc lengths `place` (n,), px.
-        `u` contains m distances along a normal, px. `station` (n,) is the index of the station (place along the beam)
-        whose weights are used for each normal.
-        """
+        """Return the weighted sums of colours on lines across a curve, and which lines are in the image."""
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
@@ -182,12 +156,7 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return what uneven light adds to n profiles (grey values at m points across the edge), shape (n, m).
-
-        Shading, uneven light and shadows let the grey values rise or fall with the distance from the edge, on each side
-        of the edge with a slope of its own. The slope is measured away from the blurred edge, as the median over
-        neighbouring profiles. It is then continued to the edge, and blurred like the edge.
-        """
+        """Return what uneven light adds to the weighted colours along lines across the edge."""
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
         for way in (-1.0, 1.0):
@@ -205,11 +174,7 @@ class _Edge:
 
 
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
-    """Fit a straight line to each of n profiles; return the slopes, shape (n,), and the RMS residuals, shape (n,).
-
-    A profile contains the grey values along a line across the edge. profiles: shape (n, m). places: the m distances
-    along the profiles, px, shape (m,).
-    """
+    """Fit a straight line to the grey values of each profile; return the slopes and the RMS residuals."""
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
     residuals = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away
@@ -217,11 +182,7 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return, for each of n profiles, the median of its slope and the slopes of ten profiles on each side, shape (n,).
-
-    A profile contains the grey values along a line across the edge. Profiles that are too steep or not straight are
-    left out, because such profiles show another body. The result is 0 if fewer than a third of the profiles remain.
-    """
+    """Return, for each line across the edge, the median slope of its neighbours; 0 if too few of them are straight."""
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
     neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
@@ -233,10 +194,6 @@ def _common(slope: Array, residual_rms: Array) -> Array:
 
 def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, Mask]:
     """Estimate the standard deviations of edge points from their scatter about a smooth line, and detect outliers.
-
-    The smooth line is a spline with few pieces, and the scatter is that of the distances from this spline. Differences
-    of neighbouring points would give too small a scatter: in a real picture, texture and uneven light displace
-    neighbouring points by similar amounts, and such errors cancel in the differences.
 
     Parameters
     ----------
@@ -254,6 +211,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     kept : ndarray of bool, shape (n,)
         Whether each point is within four standard deviations of the smooth line.
     """
+    # Differences of neighbouring points would give too small a scatter: texture displaces neighbours alike.
     kept = np.ones(len(points), dtype=bool)
     offset, freedom = _off_smooth_line(points, kept)
     for _ in range(3):
@@ -270,12 +228,8 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
 
 
 def _off_smooth_line(points: Array, kept: Mask) -> tuple[Array, float]:
-    """Fit a smooth spline to n points of an edge; return the signed distances of the points from it, shape (n,).
-
-    Also return the number of points minus the number of parameters of the spline (the degrees of freedom of the fit).
-    points: shape (n, 2). kept: whether a point is used for the fit, shape (n,). The spline has pieces of equal length.
-    Pieces with equally many points would be too long where points are few.
-    """
+    """Return the signed distances of edge points from a fitted spline, and the degrees of freedom of the fit."""
+    # pieces with equally many points would be too long where points are few
     curve = SmoothCurve(points[kept], int(np.clip(kept.sum() // 6, 1, _SHAPE_PIECES)), equal=True)
     at, tangent = curve.at(np.linspace(0.0, curve.length, 8 * len(points)))
     nearest = _nearest(points, at)

@@ -36,10 +36,10 @@ def trim_ends(
     left, right : StripEdges
         The located edges.
     width_px : float
-        Nominal width of the beam.
+        Width of the beam according to the specimen file.
     stated : callable
-        Function of n distances from the clamp, in nominal widths, that returns the stated widths there, in nominal
-        widths. By default, the width is constant.
+        Takes distances from the clamp and returns the expected widths there, both in widths of the beam. By default,
+        the width is constant.
 
     Returns
     -------
@@ -56,10 +56,7 @@ def trim_ends(
 
 
 def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
-    """Return an edge without the points for which `kept` is false.
-
-    The standard deviations are computed again from the scatter of the other points.
-    """
+    """Return an edge without the points for which `kept` is false."""
     if kept.all() or kept.sum() < _FEWEST:
         return edge
     points, sigma, near = estimate_scatter(edge.points[kept], edge.sigma[kept])
@@ -67,14 +64,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which of the n points of an edge to keep: all, or those before the width changes near the last point.
-
-    The widths near the last point are compared with an extrapolation of the widths before. From the first point at
-    which they differ clearly, all points are marked False. If the width does not change, all n points are True.
-
-    along: distance of each point from the clamp. widths: width of the beam at each point. Both have the shape (n,), and
-    are in nominal widths of the beam.
-    """
+    """Return which points of an edge to keep: all, or those before the beam's width changes near the last point."""
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)
     end = to_end < _END

@@ -30,18 +30,16 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     Parameters
     ----------
     followed : FollowedBeam
-        The result of `follow`.
+        The result of following a beam.
 
     Returns
     -------
     dict of str to ndarray of uint8
-        ``"strip"``: the searched picture with the strip. The strip is the band in which the beam was found. The colour
-        of the strip goes from red to green with the gain of each search step, which measures how clearly the picture
-        shows both edges.
+        ``"strip"``: the searched picture with the band that shows the beam, green where both edges are clear and red
+        where they are not.
 
-        ``"unrolled"``: three pictures side by side, with the clamp at the top: the picture sampled along the beam, and
-        the colour projections (weighted sums of the colours) of the left and of the right edge. Both edges are drawn in
-        green at the stations (places along the beam) where the edge is reliable, and in red elsewhere.
+        ``"unrolled"``: the picture sampled along the beam, and beside it the weighted sums of the colours in which the
+        left and the right edge are located. The edges are green where they are reliable, and red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -52,7 +50,7 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
-    """Draw the strip (the band in which the beam was found) on the searched picture."""
+    """Draw the band in which the beam was found on the searched picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -65,11 +63,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the unrolled picture of the beam, and on the two colour projections of this picture.
-
-    The unrolled picture is the picture, sampled along and across the beam. A colour projection is a weighted sum of
-    colours that is 1 inside the beam and 0 outside.
-    """
+    """Draw both edges on the picture that is sampled along the beam, and on the weighted sums of its colours."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]
@@ -84,10 +78,7 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """Enlarge a picture, grey or in colour, and return it with three colour channels.
-
-    `pixels` contains h by w pixels from 0 to 255, shape (h, w, 1) or (h, w, 3).
-    """
+    """Enlarge a picture, grey or in colour, and return it with three colour channels."""
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

@@ -40,19 +40,19 @@ class FollowedBeam:
     Attributes
     ----------
     findings : dict of str to float
-        Measured values, with the keys of the table of flags (all quality checks; `Check.finding`).
+        Measured values, with the keys of the quality checks.
     working : WorkingPicture, optional
-        The picture in which the strip was searched.
+        The picture in which the beam was searched.
     strip : Strip, optional
-        The strip (narrow band) of the picture that shows the beam.
+        The band of this picture that shows the beam.
     unrolled : UnrolledPicture, optional
         The picture, sampled along and across the beam.
     sides : Sides, optional
-        Both edges of the beam in the unrolled picture.
+        Both edges of the beam in the sampled picture.
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
-        For each word in braces in the remedies (the advice of the quality checks), the text that replaces this word.
+        For each word in braces in the advice of the quality checks, the text that replaces this word.
     """
 
     findings: dict[str, float]
@@ -64,10 +64,10 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return this result with its path (the followed centre line) and reliable points in px of a larger picture.
+        """Return this result with its path and reliable points in px of a larger picture.
 
-        The searched image was cut from the larger picture. by_px: upper left corner of the searched image in the larger
-        picture, px, shape (2,). The located points in `edges` are not converted.
+        `by_px` is the upper left corner of the searched image in the larger picture. The points in `edges` are not
+        converted.
         """
         return replace(
             self,
@@ -77,17 +77,14 @@ class FollowedBeam:
 
     @property
     def path_px(self) -> Array:
-        """The centre line along which the beam was followed: n points, px, shape (n, 2); empty if no beam was found."""
+        """The centre line along which the beam was followed, px, shape (n, 2); empty if no beam was found."""
         if self.strip is None or self.working is None:
             return np.zeros((0, 2))
         return self.working.to_picture(self.strip.place)
 
     @property
     def sure_px(self) -> tuple[Array, ...]:
-        """The n reliable points of the left and of the right edge, px, each of shape (n, 2); empty without edges.
-
-        The points are accurate to a twentieth of the beam's width.
-        """
+        """The reliable points of the left and of the right edge, px, each of shape (n, 2); empty without edges."""
         if self.sides is None or self.unrolled is None:
             return ()
         seams = self.unrolled.middle + self.sides.edge[..., None] * self.unrolled.aside
@@ -114,8 +111,8 @@ def follow(
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings; None if either is possible.
     earlier_px : callable, optional
-        Function that returns n points of the beam's centre line in an earlier picture, px, shape (n, 2), or None. The
-        function is called only if several bodies are equally likely to be the beam.
+        Function that returns points of the beam's centre line in an earlier picture, px, shape (n, 2), or None. It is
+        called only if several bodies are equally likely to be the beam.
 
     Returns
     -------
@@ -153,7 +150,7 @@ def follow(
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
-    """Convert n points from px of the image to px of the searched picture, shape (n, 2); return None for None."""
+    """Convert points from px of the image to px of the searched picture; return None for None."""
     return None if places_px is None else picture.from_picture(places_px)
 
 
@@ -165,10 +162,7 @@ def _words(beam: StatedBeam) -> dict[str, str]:
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Return the measured values of a followed beam, with the keys of the table of flags (all quality checks).
-
-    size: width and height of the image, px.
-    """
+    """Return the measured values of a followed beam, with the keys of the quality checks."""
     both = sides.sound.all(axis=0)
     if not both.any():
         return {"followed_length": 0.0}
@@ -197,29 +191,18 @@ def _findings(
 
 
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
-    """Return whether a point is closer to the border of the image than three quarters of the beam's width.
-
-    place: the point, px. size: width and height of the image, px.
-    """
+    """Return whether a point is closer to the border of the image than three quarters of the beam's width."""
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
 
 
 def _change(width: Array) -> float:
-    """Return how much the width of the beam changes along its length, relative to the smallest width.
-
-    The length is divided into five equal parts. The result is the largest median width of a part, divided by the
-    smallest median width, minus 1.
-    """
+    """Return how much the width of the beam changes along its length, as a share of the smallest width."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """Return by which share of its width the body becomes narrower away from the clamp; 0 if the body becomes wider.
-
-    The median widths of five equal parts of the length are compared. The tail of a fish or the neck of a drop becomes
-    narrower, but a beam does not.
-    """
+    """Return by which share of its width the body becomes narrower away from the clamp; 0 if it becomes wider."""
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

@@ -38,33 +38,29 @@ _LATERAL = 0.15  # share of the variance across the strip: a round beam is shade
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """n strips (bands) of the picture that may show the beam, during the search from the clamp outward.
+    """Bands of the picture that may show the beam, n in number, during the search from the clamp outward.
 
-    Place, direction, curvature and width of a strip are those at its end away from the clamp (outer end). Lengths are
-    in px.
+    The attributes describe a band at its outer end, away from the clamp. Lengths are in px.
 
     Attributes
     ----------
     place : ndarray, shape (n, 2)
-        Point on the centre line, at the outer end of each strip.
+        Point on the centre line.
     angle : ndarray, shape (n,)
         Direction, rad, clockwise from +x.
     bend : ndarray, shape (n,)
         Curvature, 1/px.
     width : ndarray, shape (n,)
-        Width of the strip.
+        Width of the band.
     template : ndarray, shape (n, 9, channels)
-        Colours at nine points across the inside of each strip, remembered from earlier steps of the search.
+        Colours at nine points across the inside of each band, remembered from earlier steps of the search.
     tolerance : ndarray, shape (n,)
-        Variance of the colours inside the strip near the clamp, summed over the colour channels. A colour farther
-        outward counts as equal to the remembered colour if the two differ by less than three standard deviations, that
-        is, three times the square root of this variance.
+        Variance of the colours inside the band near the clamp, summed over the colour channels.
     variance : ndarray, shape (n,)
-        Like `tolerance`, but reduced during the search if the colours of the strip vary less at larger distances from
-        the clamp. The change of colour at a side of the strip is clear if it is large compared with this variance.
+        Present variance of the colours inside the band, at most `tolerance`.
     score : ndarray, shape (n,)
-        Sum of the gains of all search steps. A gain measures how clearly the picture shows both edges, less the costs
-        of bends.
+        How clearly the picture shows both edges of the band, summed over all steps of the search, less the costs of
+        bends.
     """
 
     place: Array
@@ -81,21 +77,19 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Return the colours at 15 points across each strip: nine inside and three on each side (`ACROSS`).
-
-    A strip is a band of the picture that may show the beam.
+    """Return the colours at 15 points across each band of the picture: nine inside, and three on each side.
 
     Parameters
     ----------
     picture : WorkingPicture
         The picture; beyond its border the colours of the border are used.
     x, y, angle, width : ndarray, shape (...)
-        Middle, direction (rad) and width of each strip.
+        Middle, direction (rad) and width of each band.
 
     Returns
     -------
     ndarray, shape (..., 15, channels)
-        The colours at the 15 points of each strip.
+        The colours at the 15 points.
     """
     across = width.ravel().astype(np.float32)[:, None] * _ACROSS
     turn = angle.ravel().astype(np.float32)[:, None]
@@ -105,11 +99,7 @@ def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width
 
 
 def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the colours of a picture at n by m points by bilinear interpolation, shape (n, m, channels).
-
-    x, y: coordinates of the points, px, shape (n, m). The coordinates are rounded to 1/32 px. Beyond the border of the
-    picture the colours of the border are used.
-    """
+    """Return the colours of a picture at given points, by bilinear interpolation on a grid of 1/32 px."""
     x, y = x.astype(np.float32, copy=False), y.astype(np.float32, copy=False)
     parts = [slice(at, at + _ROWS) for at in range(0, len(x), _ROWS)]
     read = [cv2.remap(pixels, x[rows], y[rows], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for rows in parts]
@@ -117,32 +107,24 @@ def read_colours(pixels: NDArray[np.float32], x: NDArray[Any], y: NDArray[Any]) 
 
 
 def least_variance(picture: WorkingPicture) -> float:
-    """Return the smallest variance that is assumed for a colour, summed over the colour channels.
-
-    The standard deviation of a colour channel is at least two grey levels, at least twice the noise, and at least a
-    fortieth of the range of grey levels in the picture.
-    """
+    """Return the smallest variance that is assumed for a colour, summed over the colour channels."""
     return picture.pixels.shape[2] * max(2.0, 2.0 * picture.noise, 0.025 * picture.span) ** 2
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return the support of strips by the image: a number from 0 to 2 for each strip, shape (...).
-
-    A strip is a band of the picture that may show the beam. Its support is large if the colour changes clearly at both
-    of its edges. For one edge, let d be the distance between the mean colours on its inner and on its outer side. With
-    e = d² / variance, the support of the edge is e / (e + 9). The support of a strip is the sum over its two edges.
+    """Return how clearly the colour changes at both edges of bands of the picture, from 0 to 2.
 
     Parameters
     ----------
     colours : ndarray, shape (..., 15, channels)
-        Colours at 15 points across each strip, as `read_across` returns them.
+        Colours at 15 points across each band: three outside, nine inside, three outside.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the colour channels.
 
     Returns
     -------
     ndarray, shape (...)
-        The support of each strip.
+        A number from 0 to 1 for each edge, summed over the two edges.
     """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
@@ -153,33 +135,17 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix that gives the colour changes at both edges of a strip from the colours at 15 points across it.
-
-    A strip is a band that may show the beam. For c colour channels, the shape is (15 c, 2 c).
-    """
+    """Return the matrix from the colours at 15 points across a band to the changes of colour at its two edges."""
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return the brightness inside each of n strips minus the brightness of the surroundings, shape (n,).
-
-    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip, shape (n,
-    15, channels).
-    """
+    """Return the brightness inside each band of the picture minus the brightness of its surroundings."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the colours inside strips differ from the remembered colours: from 0 to 2, shape (...).
-
-    A strip is a band of the picture that may show the beam; its colours at nine points across its inside are remembered
-    from earlier steps of the search. Let d² be the mean square of the differences between the present and the
-    remembered colours at the nine points. The result is d² / (9 variance), at most 2.
-
-    colours: present colours at 15 points across each strip (three outside, nine inside, three outside), shape
-    (..., 15, channels). template: the remembered colours, shape (..., 9, channels). variance: variance of a colour,
-    summed over the channels, shape (...).
-    """
+    """Return how much the colours inside bands of the picture differ from remembered colours, from 0 to 2."""
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
@@ -188,27 +154,22 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], tolerance: Array, variance: Array, least: float
 ) -> tuple[NDArray[np.float32], Array]:
-    """Return the remembered colours and the variances of strips after another step of the search.
+    """Return the remembered colours and the variances of bands of the picture after another step of the search.
 
-    A strip is a band of the picture that may show the beam. A remembered colour moves by 12 % toward the present colour
-    if the two differ by less than three standard deviations, that is, three times the square root of `tolerance`. The
-    variance of a strip moves by 12 % toward the variance of the present colours if these vary less. It may fall,
-    because the search begins at the clamp, where a clip, a tape or glue may have more colours than the beam. It never
-    rises: a body that crosses the beam would otherwise raise it, and the edges farther from the clamp would no longer
-    stand out.
+    The variance of a band never rises, so that a body which crosses the beam does not hide the edges beyond it.
 
     Parameters
     ----------
     colours : ndarray, shape (n, 15, channels)
-        Present colours at 15 points across each of n strips; the points 3 to 11 (counted from 0) lie inside the strip.
+        Present colours at 15 points across each band: three outside, nine inside, three outside.
     template : ndarray, shape (n, 9, channels)
-        Remembered colours at the nine points inside each strip.
+        Remembered colours at the nine points inside each band.
     tolerance : ndarray, shape (n,)
-        Variance of the colours of each strip near the clamp, summed over the channels.
+        Variance of the colours of each band near the clamp, summed over the channels.
     variance : ndarray, shape (n,)
-        Variance of the colours of each strip in the step before, summed over the channels.
+        Variance of the colours of each band in the step before, summed over the channels.
     least : float
-        Smallest variance that is assumed for a colour (`least_variance`).
+        Smallest variance that is assumed for a colour.
 
     Returns
     -------
@@ -227,20 +188,11 @@ def updated_templates(
 
 
 def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
-    """Return the variance of the colours of each of n strips, summed over the channels, shape (n,).
-
-    A strip is a band of the picture that may show the beam. The result is the sum of three variances: the smallest
-    assumed variance `least`, the variance `scatter` (n,) along the strip, and 15 % of the variance across the strip.
-    Only 15 % is taken, because a round beam is shaded, and shading is no noise. `inside` contains the colours at nine
-    points across the inside of each strip, shape (n, 9, channels).
-    """
+    """Return the variance of the colours of each band, summed over the channels, and at least `least`."""
+    # only a part of the variance across the band, because a round beam is shaded, and shading is no noise
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours at the nine points inside each of n strips, shape (n, 9, channels).
-
-    A strip is a band of the picture that may show the beam. colours: colours at 15 points across each strip (three
-    outside, nine inside, three outside), shape (n, 15, channels).
-    """
+    """Return the colours at the nine points inside each band, from the colours at 15 points across it."""
     return colours[:, _INSIDE]

@@ -18,10 +18,9 @@ from eimi_lab.vision.intensity import full_scale
 def stated_beam(
     frame: BeamFrame, length_mm: float, width_mm: float, depth_mm: float = 0.0, view: View | None = None
 ) -> StatedBeam:
-    """Convert the nominal beam to pixels: its clamp and axis in the calibration, and its size in mm.
+    """Return place and size of the beam in pixels, from its clamp and axis in the calibration and its size in mm.
 
-    A width that the specimen file gives as a table (`SizeAlong`) varies along the beam. view: the perspective in which
-    the lens images the beam; None without perspective.
+    `view` is the perspective of the lens; None without perspective.
     """
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     scale = float(np.linalg.norm(ahead - origin))
@@ -43,10 +42,7 @@ def stated_beam(
 
 
 def in_255(image: ArrayLike) -> NDArray[np.float32]:
-    """Return an image of any bit depth as float32 values from 0 to 255, shape (H, W, channels).
-
-    image: H by W pixels, shape (H, W) or (H, W, 3).
-    """
+    """Return an image of any bit depth as float32 values from 0 to 255, shape (H, W, channels)."""
     pixels = np.asarray(image)
     pixels = np.ascontiguousarray(pixels[..., None] if pixels.ndim == 2 else pixels[..., :3], dtype=np.float32)
     if not np.isfinite(pixels).all():

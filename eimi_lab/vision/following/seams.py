@@ -23,23 +23,20 @@ _PRIOR = 0.25  # cost of a seam at one standard deviation from its expected plac
 def fall_across(
     share: Array, outward: float, across: Array, stations_in_width: float, arm_widths: float = ARM
 ) -> Array:
-    """Return the fall (decrease) of the projected colour in the outward direction, at each point of the picture.
-
-    The picture was sampled along and across the beam. The projected colour is a weighted sum of the colours at a point.
+    """Return how fast a weighted sum of the colours, 1 inside the beam and 0 outside, falls in the outward direction.
 
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        Projected colours, about 1 inside and 0 outside, at n stations (places) along the beam and m points across the
-        beam.
+        The weighted sum at n places along the beam and m points across it.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam, in nominal widths.
+        Coordinates of the m points across the beam, in widths of the beam.
     stations_in_width : float
-        Number of stations along the beam in a nominal width.
+        Number of places along the beam on a length of one width.
     arm_widths : float
-        Length on each side of a point over which the projected colour is averaged, in nominal widths.
+        Length on each side of a point over which the sum is averaged, in widths of the beam.
 
     Returns
     -------
@@ -57,35 +54,27 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k seams: lines along an edge that pass through the largest falls of the projected colour.
-
-    The projected colour is a weighted sum of the colours, 1 inside the beam and 0 outside; its decrease in the outward
-    direction is the fall. A seam has one point at each station (place along the beam). Dynamic programming finds the
-    seam with the largest sum of values. The value of a point is
-
-        fall - 0.25 ((position - expected position) / tolerance)² - 0.05 · move,
-
-    where the move, at most two, is the number of points across the beam by which the seam moves from the station before
-    to this one. Finally a parabola through the values at neighbouring points refines each position.
+    """Find k edges of the beam: the lines along which the colour changes most.
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
-        Fall at n stations along the beam and m points across the beam, for k seams.
+        Change of colour at n places along the beam and m points across it, for k edges.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam, in nominal widths of the beam.
+        Coordinates of the m points across the beam, in widths of the beam.
     expected : ndarray, shape (k, n)
-        Expected position of each seam across the beam, in nominal widths.
+        Expected position of each edge across the beam, in widths of the beam.
     tolerance : float
-        Standard deviation about the expected position, in nominal widths.
+        Standard deviation about the expected position, in widths of the beam.
 
     Returns
     -------
     ndarray, shape (k, n)
-        Positions of the seams across the beam, in nominal widths.
+        Positions of the edges across the beam, in widths of the beam.
     """
     value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
     count, stations, places = value.shape
+    # dynamic programming: the line with the largest sum of values, less a cost for moves across the beam
     moves = np.arange(-_STEEPEST, _STEEPEST + 1)
     cost = (_UNREST * np.abs(moves))[:, None]
     index = np.clip(np.arange(places) + moves[:, None], 0, places - 1)
@@ -103,12 +92,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _refined_positions(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Refine the positions of a line along an edge at n places along the beam; return them in nominal widths, (n,).
-
-    The picture is sampled at m points across the beam, whose coordinates are `across` (m,). At each place, the line
-    passes through the point with the index `seam` (n,), at which `value` (n, m) is large. The refined position is the
-    maximum of a parabola through the values at this point and its two neighbours.
-    """
+    """Refine the positions of an edge between the sampled points across the beam, by parabolas through three points."""
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

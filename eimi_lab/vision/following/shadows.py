@@ -54,15 +54,14 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     unrolled : UnrolledPicture
         The picture, sampled along and across the beam. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
-        Both edges, located in projections (weighted sums) of all colours.
+        Both edges, located with all colours.
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
 
     Returns
     -------
     Seams
-        The edges after the move. `Seams.shadow` contains the width of the dark region inside an original edge: the
-        distance by which the edge was moved. If the region is a rim or a side of the beam, the edge was not moved.
+        The edges after the move. Its attribute `shadow` is the width of the dark region inside an original edge.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -102,24 +101,14 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
-    """Return whether the region between two lines along one side of a beam is the rim of the beam, and not its shadow.
-
-    The inner line is `edge`, and the outer line `border`. The region is the rim of a translucent beam if it has nearly
-    the colour of the beam: the change of colour at the inner line is then small compared with that at the outer line.
-    The colours are compared at the stations (places along the beam) for which `moved` is true.
-    """
+    """Return whether the region between two lines along one side of a beam is its rim, and not its shadow."""
     colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
     at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
     return bool(at_edge < _LEAST_BODY_STEP * at_border)
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each of n stations, whether the region between two lines beside the beam has the hue of a shadow.
-
-    A station is a place along the beam. The inner line is `edge`, and the outer line `border`. A shadow has nearly the
-    hue of the surroundings: the difference between the hues of region and surroundings must be less than half of the
-    difference between the hues of beam and surroundings.
-    """
+    """Return, for each place along the beam, whether the region between two lines beside it has the hue of a shadow."""
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
     of_body, of_region = (np.linalg.norm(hue - hues[2], axis=1) for hue in hues[:2])
@@ -127,12 +116,7 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 
 
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
-    """Return the mean colours of the beam, of the dark region beside it, and of the surroundings.
-
-    The dark region, perhaps a shadow, lies between the inner line `edge` and the outer line `border`. The list contains
-    three arrays of the shape (n, channels), for n stations (places along the beam). Pixels near the two lines are not
-    used, because the lines are blurred.
-    """
+    """Return the mean colours of the beam, of the dark region beside it, and of the surroundings."""
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
     gap = np.abs(border - edge)[:, None]
@@ -145,11 +129,7 @@ def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window
 
 
 def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return whether the region between an edge and the border of a shadow is dimmed, at n stations, shape (n,).
-
-    The stations are places along the beam. The region is dimmed if its colour, projected on the colour of the
-    surroundings, is darker than the surroundings.
-    """
+    """Return, for each place along the beam, whether the region between an edge and a border beside it is in shadow."""
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -160,11 +140,7 @@ def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colour of the masked points around each of n places along the beam, shape (n, channels).
-
-    mask: whether each of m points across the beam is used at each place, shape (n, m). window: number of neighbouring
-    places over which the mean is taken.
-    """
+    """Return the mean colour of the masked points around each place along the beam."""
     in_image = (mask & unrolled.inside)[..., None]
     total = scipy.ndimage.uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
     count = scipy.ndimage.uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
@@ -172,10 +148,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Return a projection that equals `where_moved` at the stations where the edge was moved, else `elsewhere`.
-
-    A projection is a weighted sum of colours; a station is a place along the beam.
-    """
+    """Return the weighted sum of colours `where_moved` at the places where the edge was moved, else `elsewhere`."""
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

@@ -35,10 +35,9 @@ class StatedBeam:
     depth_px : float
         Size of the beam along the line of sight, at the scale of the picture; 0 if the picture shows no perspective.
     vanishing_px : ndarray, shape (2,), optional
-        In perspective, a point of the far face of the beam appears nearer to this point than the opposite point of the
-        near face. None if the picture shows no perspective.
+        Point toward which the far face of the beam is shifted in perspective. None if the picture shows no perspective.
     recession : float
-        How much nearer the far face appears, as a share of the distance from `vanishing_px`.
+        This shift of the far face, as a share of the distance from `vanishing_px`.
     """
 
     clamp_px: Array
@@ -58,14 +57,11 @@ class StatedBeam:
 
     @property
     def ahead(self) -> Array:
-        """Unit vector (2,) along the beam at its clamp, away from the clamp."""
+        """Unit vector along the beam at its clamp, away from the clamp."""
         return np.array([math.cos(self.axis_rad), math.sin(self.axis_rad)])
 
     def scaled(self, factor: float, origin_px: Array) -> StatedBeam:
-        """Return the same beam in a picture that is cut at `origin_px` and enlarged by `factor`.
-
-        Pixel centres have integer coordinates in both pictures.
-        """
+        """Return the same beam in a picture that is cut at `origin_px` and enlarged by `factor`."""
         clamp = (self.clamp_px - origin_px + 0.5) * factor - 0.5
         line = self.line and self.line.scaled(factor, origin_px)
         vanishing = None if self.vanishing_px is None else (self.vanishing_px - origin_px + 0.5) * factor - 0.5
@@ -81,17 +77,12 @@ class StatedBeam:
         )
 
     def relative_width(self, along_px: Array | float) -> Array:
-        """Return the width of the beam at given distances from the clamp (px), divided by the mean width.
-
-        The specimen file gives the width along the beam. The result is 1 if the width is constant.
-        """
+        """Return the width of the beam at given distances from the clamp (px), divided by the mean width."""
         share = np.asarray(along_px) / self.length_px
         return np.ones(share.shape) if self.widths is None else np.interp(share, *self.widths.T)
 
     def side_faces(self, places_px: Array, aside_px: Array) -> tuple[Array, Array]:
         """Return how wide the side faces of the beam appear in perspective, and their standard uncertainties.
-
-        A camera that stands higher or lower than the beam also sees the upper or the lower side face of the beam.
 
         Parameters
         ----------
@@ -104,8 +95,7 @@ class StatedBeam:
         Returns
         -------
         tuple of ndarray, shape (2, n)
-            The width of the left and of the right side face, 0 for a hidden one. The uncertainty is due to the tilt of
-            the camera; it is 0 for a hidden face.
+            The width of the left and of the right side face, 0 for a hidden one, and its uncertainty.
         """
         if self.vanishing_px is None:
             return np.zeros((2, len(places_px))), np.zeros((2, len(places_px)))

@@ -25,12 +25,7 @@ _WINDOW = 1.0  # widths along the beam over which colours are averaged
 
 
 def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, end: int) -> Seams:
-    """Move one edge of the beam inward if the body between the edges is wider than the specimen file states.
-
-    The true edge is then searched at the stated width from the other edge, once for the left and once for the right
-    edge. The edge is moved only if the colour changes strongly at the new place, and if the region between the old and
-    the new place is darker than the surroundings, as a shadow is. If both edges could be moved, the one with the
-    stronger change of colour is moved.
+    """Move one edge inward, off a shadow, if the body between the edges is wider than the specimen file states.
 
     Parameters
     ----------
@@ -41,12 +36,12 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     end : int
-        Number of stations before the end of the beam. Stations are places along the beam.
+        Number of sampled places before the end of the beam.
 
     Returns
     -------
     Seams
-        The edges. `Seams.shadow` contains the distance by which an edge was moved.
+        The edges. Its attribute `shadow` is the distance by which an edge was moved.
     """
     stated = unrolled.stated
     if _log_width(seams.edge / stated, end) < _WIDER:
@@ -75,19 +70,12 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
 
 
 def _log_width(edge: Array, end: int) -> float:
-    """Return the logarithm of the beam's width, in nominal widths; positive for a beam wider than stated.
-
-    The width is the median over the stations (places along the beam) before `end`. `edge` (2, n) holds the positions of
-    both edges across the beam.
-    """
+    """Return the logarithm of the measured width of the beam, divided by its width in the specimen file."""
     return float(np.log(max(np.median((edge[1] - edge[0])[:end]), 1e-3)))
 
 
 def _with_edge(seams: Seams, other: Seams, row: int, inward: Array) -> Seams:
-    """Return the edges `seams`, in which the edge `row` (0: left, 1: right) is replaced by the edge of `other`.
-
-    inward: distance by which the new edge lies farther inward at each of n places, in widths of the beam, shape (n,).
-    """
+    """Return the edges `seams`, in which the edge `row` (0: left, 1: right) is replaced by the edge of `other`."""
     moved = np.zeros(seams.edge.shape, dtype=bool)
     moved[row] = True
     left, right = (merged(*sides) for sides in zip(moved, other.projected, seams.projected, strict=True))

@@ -39,24 +39,22 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """The left and the right edge of the beam at n stations (places) along the beam.
+    """The left and the right edge of the beam at n places along the beam, in a picture sampled along and across it.
 
-    The edges are given in the unrolled picture, which is sampled along and across the beam. The unit of length is the
-    nominal width of the beam.
+    The unit of length is the width of the beam in the specimen file.
 
     Attributes
     ----------
     edge : ndarray, shape (2, n)
         Position of the left edge (row 0) and of the right edge (row 1) across the beam.
     support : ndarray, shape (2, n)
-        Height of the step at the edge, from 0 to 1. A full step from the inside to the outside colour has the height 1.
+        Change of colour at the edge, from 0 to 1; 1 is a full step from the inside to the outside colour.
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable ("sure") at each station. True only if the step is clear, the edge is smooth, and
-        the two sides of the edge differ in colour.
+        Whether each edge is reliable at each place.
     end : int
-        Number of stations before the end of the beam.
+        Number of places before the end of the beam.
     projected : tuple of ColourProjection
-        The colour projection (weighted sum of the colours) of each edge.
+        For each edge, the weighted sum of the colours in which the edge is located.
     shadow : ndarray, shape (2, n)
         Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
     """
@@ -70,31 +68,29 @@ class Sides:
 
     @property
     def width(self) -> Array:
-        """Width of the beam at each of n stations (places along the beam), in nominal widths, shape (n,)."""
+        """Width of the beam at each place along the beam, divided by its width in the specimen file."""
         return np.asarray(self.edge[1] - self.edge[0])
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: float = 0.0) -> Sides:
-    """Find both edges of the beam in its unrolled picture, and the stations at which each edge is reliable.
-
-    A station is a place along the beam, at which the picture is sampled across the beam.
+    """Find both edges of the beam in a picture sampled along and across it, and where each edge is reliable.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The sampled picture.
     noise : float
         Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
     length : float
-        Nominal length of the beam, in nominal widths.
+        Length of the beam in the specimen file, in widths of the beam.
     clicked : float
-        Distance of the last point that a person clicked from the clamp, in nominal widths. The beam does not end before
-        this point.
+        Distance from the clamp of the last point that a person clicked, in widths of the beam. The beam does not end
+        before this point.
 
     Returns
     -------
     Sides
-        Both edges, the stations at which each edge is reliable, and the end of the beam.
+        Both edges, the places at which each edge is reliable, and the end of the beam.
     """
     strip = np.outer(OUTWARD, 0.5 * unrolled.width)
     seams = move_off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
@@ -118,22 +114,18 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the followed length on which the less clear edge is reliable, for the quality checks.
-
-    Each of the two edges of the beam is reliable ("sure") on a share of the length from the clamp to the point at which
-    the search ended. The smaller of the two shares is returned.
+    """Return the share of the beam's length on which the less clear edge is reliable, for the quality checks.
 
     Parameters
     ----------
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable at each of n stations (places along the beam).
+        Whether each edge is reliable at each of n places along the beam.
 
     Returns
     -------
     dict of str to float
-        The share, with its key in the table of quality checks. The key is ``"followed_patches"`` if all gaps between
-        reliable stations are shorter than a tenth of the length, else ``"followed_sides"``. The checks with these two
-        keys give different advice.
+        The share, with its key among the quality checks: ``"followed_patches"`` if all gaps between reliable places are
+        shorter than a tenth of the length, else ``"followed_sides"``.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -142,12 +134,8 @@ def sure_share(sound: Mask) -> dict[str, float]:
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
-    """Return how many of the n stations (places along the beam) lie before the end of the beam.
-
-    Both edges of a beam end at its tip. If only one edge continues near the nominal length, it belongs to a body in the
-    background. along: distance of each station from the clamp, in nominal widths, shape (n,). sound: whether each edge
-    is reliable at each station, shape (2, n). length: nominal length of the beam, in nominal widths.
-    """
+    """Return how many of the places along the picture lie before the end of the beam."""
+    # If only one edge continues near the length of the beam, it belongs to a body in the background.
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
     both = np.flatnonzero(sound[:, :end].all(axis=0))
@@ -158,11 +146,7 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return whether each of the two edges is reliable at each of n stations, shape (2, n).
-
-    A station is a place along the beam. An edge is reliable where the picture has a clear step of colour at the edge,
-    where the edge is smooth, and where the colours beside the edge, inside and outside the beam, differ clearly.
-    """
+    """Return whether each of the two edges is reliable at each place along the beam."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -174,11 +158,7 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle by which an edge turns at each of its n points, rad, not negative, shape (n,).
-
-    seam: the points of the edge, shape (n, 2). The directions of the edge before and after a point are measured over
-    `arm` points each.
-    """
+    """Return the angle (rad, not negative) by which an edge turns at each of its points."""
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -186,37 +166,27 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return at which of n stations (places along the beam) the located line is an edge of the beam, shape (n,).
-
-    Elsewhere it may be another line, such as the border of a shadow, of a body beyond the tip, or of a reflection. A
-    run is a sequence of neighbouring stations at which the line is reliable. Runs that probably belong to the same line
-    are joined to a chain, and the stations of the longest chain are returned.
-
-    A run is joined to an earlier chain if it lies near the straight continuation of the chain, and if the beam has
-    about the same width on both sides of the gap between them. Both tolerances grow with the length of the gap.
-
-    An edge that bends strongly does not continue straight. A run is therefore also joined if three other conditions
-    hold: the opposite edge is reliable beside the whole gap; the width is about the same; and the gap is shorter than a
-    quarter of a width, or the chain is at least 0.6 widths long. Segments of a soft arm, folds of a bellows and stains
-    at one edge cause such gaps.
+    """Return at which of n places a line is an edge of the beam, and not, say, the border of a shadow.
 
     Parameters
     ----------
     seam : ndarray, shape (n, 2)
-        The points of the edge, px.
+        The points of the line, px.
     width : ndarray, shape (n,)
-        Width of the beam in nominal widths; NaN where the opposite edge is not reliable.
+        Width of the beam, divided by its width in the specimen file; NaN where the opposite edge is not reliable.
     sound : ndarray of bool, shape (n,)
-        Whether the line is reliable at each station.
+        Whether the line is reliable at each place.
     scale : float
-        Nominal width of the beam, px.
+        Width of the beam in the specimen file, px.
     lever : int
-        Number of stations over which the direction of the edge before a gap is measured.
+        Number of places over which the direction of the edge before a gap is measured.
     """
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[_Chain] = []
     long = round(_LONG / _LEVER * lever)
     near = max(3, lever // 4)  # short, because a beam in perspective widens along a longer stretch
+    # A run of reliable places continues a chain that leads straight to it with about the same width. Beside a reliable
+    # opposite edge, the chain may bend: segments of a soft arm, folds of a bellows and stains cause such gaps.
     for begin, back in zip(np.flatnonzero(step > 0), np.flatnonzero(step < 0), strict=True):
         run = np.arange(begin, back)
         ahead, width_ahead = seam[run[: max(1, len(run) // 2)]], _median_width(width[run[:near]])
@@ -239,22 +209,19 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 @dataclass(frozen=True)
 class _Chain:
-    """A chain: the stations of one edge that were joined across gaps, because they probably belong to the same line.
-
-    A station is a place along the beam. The longest chain is taken as the edge of the beam. The attributes other than
-    `stations` decide whether the stations after the next gap continue the chain.
+    """Parts of one edge of the beam that were joined across gaps, because they probably belong to the same line.
 
     Attributes
     ----------
     stations : ndarray of int, shape (n,)
-        The stations of the chain, from the clamp outward.
+        Indices of the joined places along the beam, from the clamp outward.
     end : ndarray, shape (2,)
         The last point of the edge, px.
     foot, direction : ndarray, shape (2,)
         The straight line through the last points of the edge: its point nearest to `end`, px, and the unit vector along
         it, away from the clamp.
     width : float
-        Median width of the beam at the last stations, in nominal widths; NaN if fewer than three widths are known.
+        Median width of the beam near the last point, divided by its width in the specimen file; NaN if it is unknown.
     """
 
     stations: NDArray[np.int64]
@@ -268,20 +235,20 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Return a chain: stations of one edge that belong to one line, with direction and width at their end.
+        """Return the joined parts of one edge, with direction and width at their end.
 
         Parameters
         ----------
         seam : ndarray, shape (m, 2)
-            The points of the edge at all stations (places along the beam), px.
+            The points of the edge at all places along the beam, px.
         width : ndarray, shape (m,)
-            Width of the beam in nominal widths; NaN where it is unknown.
+            Width of the beam, divided by its width in the specimen file; NaN where it is unknown.
         stations : ndarray of int, shape (n,)
-            Indices of the stations of the chain, from the clamp outward.
+            Indices of the joined places, from the clamp outward.
         lever : int
-            Number of stations, the last ones of the chain, to which a straight line is fitted for the direction.
+            Number of last places to which a straight line is fitted for the direction.
         near : int
-            Number of stations, the last ones of the chain, over which the median of the width is taken.
+            Number of last places over which the median of the width is taken.
         """
         last = seam[stations[-lever:]]
         end, middle = last[-1], last.mean(axis=0)
@@ -291,10 +258,7 @@ class _Chain:
         return cls(stations, end, foot, direction, _median_width(width[stations[-near:]]))
 
     def leads_to(self, ahead: Array, scale: float) -> bool:
-        """Return whether this part of an edge, continued as a straight line, leads to n points after a gap.
-
-        ahead: the points, px, shape (n, 2). scale: nominal width of the beam, px.
-        """
+        """Return whether this part of an edge, continued as a straight line, leads to given points after a gap."""
         offset = ahead - self.foot
         along = offset @ self.direction
         aside = np.abs(offset[:, 0] * self.direction[1] - offset[:, 1] * self.direction[0])
@@ -302,6 +266,6 @@ class _Chain:
 
 
 def _median_width(widths: Array) -> float:
-    """Return the median of the known widths of the beam; NaN if fewer than three are known (not NaN)."""
+    """Return the median of the known widths of the beam; NaN if fewer than three are known."""
     finite = widths[np.isfinite(widths)]
     return float(np.median(finite)) if len(finite) >= 3 else math.nan

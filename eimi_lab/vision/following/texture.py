@@ -31,20 +31,14 @@ _ALONE = 1e-9  # relative variance of the places in an average: below it, a poin
 def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
     """Average the points of a rough edge along the edge; return a smooth edge unchanged.
 
-    An edge is rough if its points scatter by more than half a pixel about a smooth line. The distances of the points
-    from this line are averaged with Gaussian weights along the edge, by local straight lines (W. S. Cleveland, "Robust
-    locally weighted regression and smoothing scatterplots", J. Am. Stat. Assoc. 74 (1979) 829).
-
-    The standard deviation of the weights (a length along the edge) is made as large as two conditions permit. It is at
-    most a quarter of the beam's width, so that the bend of the beam is kept. And the averaged points still have at
-    least half of the scatter of the original points, because their standard deviation is estimated from their scatter.
+    An edge is rough if its points scatter by more than half a pixel about a smooth line.
 
     Parameters
     ----------
     edge : StripEdges
         The located edge, without outliers.
     width_px : float
-        Nominal width of the beam.
+        Width of the beam according to the specimen file.
 
     Returns
     -------
@@ -56,6 +50,8 @@ def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
     line = _SmoothLine.through(edge.points)
     if line.scatter < _ROUGH_PX:
         return edge
+    # local straight lines with Gaussian weights (W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829), as wide as the
+    # bend of the beam and the estimate of the scatter permit
     best = None
     for length_px in _LONGEST * width_px * np.arange(1, _TRIED + 1) / _TRIED:
         averaged = _averaged(line.along, line.offset, length_px)
@@ -92,7 +88,7 @@ class _SmoothLine:
 
     @classmethod
     def through(cls, points: Array) -> _SmoothLine:
-        """Fit the smooth line to n points, shape (n, 2)."""
+        """Fit the smooth line to the points of an edge."""
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         x, y = (Chebyshev.fit(along, places, _DEGREE) for places in points.T)
         tangent = np.column_stack([x.deriv()(along), y.deriv()(along)])
@@ -102,11 +98,7 @@ class _SmoothLine:
 
 
 def _averaged(along: Array, values: Array, length_px: float) -> Array:
-    """Return n values, averaged along the edge by local straight lines with Gaussian weights, shape (n,).
-
-    along: arc lengths of the values, px. length_px: standard deviation of the weights. A value without a neighbour
-    within this length is unchanged.
-    """
+    """Return values along an edge, averaged by local straight lines with Gaussian weights."""
     away = along - along[:, None]
     weight = np.exp(-0.5 * (away / length_px) ** 2)
     total, first, second = (np.asarray((weight * away**power).sum(axis=1)) for power in (0, 1, 2))

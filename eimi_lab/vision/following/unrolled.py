@@ -51,9 +51,9 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """A picture of the beam, sampled at n stations (places) along the beam and m points across the beam at each.
+    """A picture of the beam, sampled at n places along the beam and m points across the beam at each.
 
-    The nominal width of the beam is the unit of length, unless px are given.
+    The unit of length is the width of the beam in the specimen file, unless px are given.
 
     Attributes
     ----------
@@ -62,23 +62,23 @@ class UnrolledPicture:
     across : ndarray, shape (m,)
         Coordinates of the m points across the beam; positive to the right as seen from the clamp.
     along : ndarray, shape (n,)
-        Distance of each station from the clamp.
+        Distance of each place from the clamp.
     middle : ndarray, shape (n, 2)
-        Point on the centre line of the strip (the band that shows the beam) at each station, px of the image.
+        Point on the approximate centre line of the beam at each place, px of the image.
     aside : ndarray, shape (n, 2)
-        Vector across the beam whose length is one nominal width, px of the image.
+        Vector across the beam whose length is the unit of length, px of the image.
     width : ndarray, shape (n,)
-        Width of the strip at each station.
+        Approximate width of the beam at each place.
     stated : ndarray, shape (n,)
-        Expected width of the beam in the picture at each station: the width in the specimen file plus the widths of
-        the visible side faces. It is 1 for a beam of constant width without perspective.
+        Expected width of the beam in the picture at each place: the width in the specimen file plus the widths of the
+        visible side faces.
     inside : ndarray of bool, shape (n, m)
         Whether each sampled point lies in the image and shows no body that crosses the beam.
     covered : ndarray of bool, shape (n, m), optional
         Whether each sampled point shows a body that crosses the beam. None if no body does.
     side_faces : ndarray, shape (2, n) or (2, 1)
-        Width of the visible side face of the beam at the left and at the right edge at each station; 0 for a hidden
-        face, and without perspective.
+        Width of the visible side face of the beam at the left and at the right edge at each place; 0 for a hidden face,
+        and without perspective.
     side_sigma : ndarray, shape (2, n) or (2, 1)
         Standard uncertainty of `side_faces`.
     """
@@ -97,10 +97,7 @@ class UnrolledPicture:
 
     @cached_property
     def bins(self) -> ColourBins:
-        """Bins of a histogram of all colours.
-
-        The first and the last bin of a channel also contain the lowest and the highest 0.5 % of its values.
-        """
+        """Bins of a histogram of all colours."""
         channels = self.colours.shape[2]
         bins = _BINS if channels > 1 else 3 * _BINS
         low, high = np.percentile(self.colours.reshape(-1, channels), (0.5, 99.5), axis=0)
@@ -110,26 +107,26 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of stations (sampled places along the beam) on a length equal to the nominal width of the beam."""
+        """Number of sampled places along the beam on a length of one beam width."""
         return 1.0 / _ALONG
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample a picture along a strip (the band that shows the beam), from the clamp to 0.6 widths beyond its end.
+    """Sample a picture along the beam, from the clamp to 0.6 widths beyond the end of the beam.
 
     Parameters
     ----------
     fine : WorkingPicture
         The picture to sample.
     coarse : WorkingPicture
-        The picture in which the strip was found.
+        The picture in which the beam was found.
     strip : Strip
-        The strip that shows the beam.
+        The band of this picture that shows the beam.
 
     Returns
     -------
     UnrolledPicture or None
-        None if the strip has fewer than five points.
+        None if the band has fewer than five points.
     """
     places = fine_places(strip.place, coarse, fine)
     wide = fine.beam.width_px
@@ -167,9 +164,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Convert n points from px of the coarse working picture to px of the fine working picture, shape (n, 2).
-
-    The band that shows the beam is searched in the coarse picture. The fine picture is the same image in a larger
-    scale.
-    """
+    """Convert points from px of the picture in which the beam was searched to px of a finer picture."""
     return fine.from_picture(coarse.to_picture(points))

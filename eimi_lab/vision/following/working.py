@@ -32,7 +32,7 @@ class WorkingPicture:
     factor : float
         Factor by which the part of the image was enlarged.
     beam : StatedBeam
-        Nominal place and size of the beam in this picture.
+        Place and size of the beam in this picture according to calibration and specimen file.
     """
 
     pixels: NDArray[np.float32]
@@ -52,23 +52,23 @@ class WorkingPicture:
         return float(brightest - darkest)
 
     def to_picture(self, points: Array) -> Array:
-        """Convert points from px of this picture to px of the image from which this picture was cut, shape (..., 2)."""
+        """Convert points from px of this picture to px of the original image."""
         return (points + 0.5) / self.factor - 0.5 + self.origin_px
 
     def from_picture(self, points: Array) -> Array:
-        """Convert points from px of the original image to px of this picture, shape (..., 2)."""
+        """Convert points from px of the original image to px of this picture."""
         return (points - self.origin_px + 0.5) * self.factor - 0.5
 
 
 def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> WorkingPicture | None:
-    """Cut an image to the reach of the beam (the region that the beam can reach from its clamp), and scale the part.
+    """Cut an image to the region that the beam can reach from its clamp, and scale this part.
 
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
         Grey values on a scale from 0 to 255; H rows, W columns.
     beam : StatedBeam
-        Nominal place and size of the beam in the image.
+        Place and size of the beam in the image according to calibration and specimen file.
     width_px : float
         Desired width of the beam in the scaled picture.
 
@@ -94,13 +94,9 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 
 
 def _noise(pixels: NDArray[np.float32]) -> float:
-    """Estimate the standard deviation of the noise of a colour channel, in grey levels.
-
-    The picture is filtered by second differences along the rows, and then by second differences along the columns. This
-    filter removes smooth changes of the light, so that mainly noise remains (J. Immerkær, "Fast noise variance
-    estimation", Computer Vision and Image Understanding 64 (1996) 300). The paper takes the mean of the absolute
-    values. Here the median is taken, so that edges do not count as noise.
-    """
+    """Estimate the standard deviation of the noise of a colour channel, in grey levels."""
+    # J. Immerkær, Computer Vision and Image Understanding 64 (1996) 300, with the median instead of the mean, so that
+    # edges do not count as noise
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
     differences = cv2.filter2D(pixels, cv2.CV_32F, kernel)[1:-1:2, 1:-1:2]  # a quarter of the pixels is enough
     return _NORMAL_MEDIAN * float(np.median(np.abs(differences))) / _LAPLACIAN_GAIN

@@ -68,16 +68,10 @@ def _number_of_terms(nu2: float, z: float) -> int:
 
 
 def _cosh_of_scaled_angle(nu: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return g(c) = cosh(nu arccosh c) for c >= 1, and its first two derivatives by c.
-
-    The energy of an Ogden term contains lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) g(c), with nu = alpha/2 and c =
-    a/(2 J). At equal stretches, c = 1, the usual formulas of the derivatives are 0/0. Near c = 1, g is therefore
-    computed as a power series, the sum of b_k (c - 1)^k with b_0 = 1 and
-
-        b_(k+1) / b_k = (nu^2 - k^2) / ((2k + 1)(k + 1))
-
-    (Chebyshev function T_nu; Abramowitz and Stegun, 15.4.3).
-    """
+    """Return g(c) = cosh(nu arccosh c) for c >= 1, and its first two derivatives by c."""
+    # At c = 1 the usual formulas of the derivatives are 0/0. Near c = 1, g is computed as the power series of the
+    # Chebyshev function T_nu (Abramowitz and Stegun, 15.4.3): the sum of b_k (c - 1)^k with b_0 = 1 and
+    # b_(k+1) / b_k = (nu^2 - k^2) / ((2k + 1)(k + 1)).
     z = np.maximum(c - 1.0, 0.0)
     nu2 = nu * nu
     n_terms = _number_of_terms(float(np.abs(nu2).max(initial=1.0)), float(z.max(initial=0.0)))
