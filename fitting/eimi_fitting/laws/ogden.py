@@ -53,11 +53,9 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return the number of terms of a power series that have to be added for full precision, at most ten.
-
-    The series of g(c) = cosh(nu arccosh c) about c = 1 gives the energy of an Ogden term near equal stretches. The
-    number is also large enough for the second derivative of g. nu2: the largest nu^2; z: the largest c - 1.
-    """
+    """Return the number of terms of a power series that have to be added for full precision, at most ten."""
+    # The series of g(c) = cosh(nu arccosh c) about c = 1. The number is also large enough for its second derivative.
+    # nu2 is the largest nu^2, and z the largest c - 1.
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
