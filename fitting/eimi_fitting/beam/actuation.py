@@ -80,7 +80,10 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest."""
+        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest.
+
+        The straight beam has a constant width and is mapped to the shape at rest.
+        """
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
         """Return whether each of n points lies in the rigid block of the magnet, shape (n,).

@@ -348,17 +348,14 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
     """Return the difference of solid and planar shapes of a similar law, to which a correction will be added, or None.
 
-    A number s measures the bending.
-
     Parameters
     ----------
     places : ndarray, shape (K,)
-        The values of s in the K states of the new candidate.
+        The values of a number that measures the bending, in the K states of the new candidate law.
     by_turn : bool
-        Whether s is the rotation of the tip in these states; otherwise s is the position of the load on a straight
-        line. Depth effects with the other measure are not used.
+        Whether this number is the rotation of the tip; otherwise it is the position of the load on a straight line.
     similar : tuple of DepthEffect
-        Depth effects of similar candidates.
+        The known differences of solid and planar shapes, of similar candidate laws.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -366,9 +363,9 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the position of each of K loads on the straight line through all of them, (K,), or None without a line.
+    """Return the position of each of K loads on the straight line through all of them, (K,).
 
-    The first load has the position 0, the load farthest from it 1.
+    The first load has the position 0, the load farthest from it 1. None if the loads do not lie on a line.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

@@ -197,7 +197,10 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffnesses of the elements in groups of e elements, (e, B, 81, 81) in N/mm, to save memory."""
+    """Yield the tangent stiffnesses of the elements in groups, to save memory.
+
+    A group of e elements is an array (e, B, 81, 81) in N/mm for B candidate laws.
+    """
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]

@@ -239,7 +239,10 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Copy values at the N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n)."""
+        """Copy values at the N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n).
+
+        There are B candidate laws, and d coordinates.
+        """
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))

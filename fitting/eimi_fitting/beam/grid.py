@@ -31,9 +31,10 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the coordinates y in mm of the mesh lines at a narrow magnet, and the number of elements beside it.
+    """Return the coordinates y in mm of the mesh lines at a narrow magnet, and a number of elements.
 
-    The number is that on one side. across: the number of elements across a beam without such a magnet.
+    The number is that of the elements in the silicone on one side of the magnet. across: the number of elements across
+    a beam without such a magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -146,7 +147,10 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest."""
+        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest.
+
+        The straight beam has a constant width and is mapped to the shape at rest.
+        """
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:

@@ -38,7 +38,10 @@ class InvariantLaw(Protocol):
     """A hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
+        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3.
+
+        I1 and I2 are the invariants of the right Cauchy-Green tensor.
+        """
 
 
 def turned(F: Array, tensor: Array) -> Array:

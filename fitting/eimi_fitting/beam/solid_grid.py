@@ -28,8 +28,8 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
     """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the face.
 
-    magnet_depth: depth of the magnet in mm. more: number of elements to add over half of the depth, inside and outside
-    the magnet's depth.
+    magnet_depth: depth of the magnet in mm. more: number of elements to add to the part inside the magnet's depth, and
+    also to the part outside.
     """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:

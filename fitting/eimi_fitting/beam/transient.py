@@ -337,7 +337,7 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors (x, y) from the magnet's reference point to its two mass points, (2, 2) in mm.
+        """Return the vectors (x, y) from the magnet's reference point to two points with its inertia, (2, 2) in mm.
 
         derivative: 0 for the vectors, 1 or 2 for their first or second derivatives by the angle.
         """
@@ -346,7 +346,7 @@ class Transient:
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _carried(self, rigid: Array) -> Array:
-        """Return the displacements (x, y) of the two mass points of the rigid body (the magnet), (2, 2) in mm."""
+        """Return the displacements (x, y) in mm of two points that have the inertia of the magnet, (2, 2)."""
         return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
 
 

@@ -82,7 +82,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the reduced motion (matrices for a few shapes) of B candidate laws, and their equilibria.
+        """Return the matrices of small motions of B candidate laws, reduced to a few shapes, and their equilibria.
 
         Parameters
         ----------
@@ -311,8 +311,8 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 def _quadratic(local: Array, matrices: Array) -> Array:
     """Return the m x m matrix v_i^T A v_j of an assembled matrix A and m shapes v_i, for B candidate laws, (B, m, m).
 
-    local: the displacements of each element in each shape, (m, E, B, u). matrices: the element matrices of A, (E, B, u,
-    u).
+    matrices: the matrices of E elements with u unknowns each, (E, B, u, u), whose assembly is A. local: the
+    displacements of the elements in each shape, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -323,8 +323,9 @@ def _tangents(
 ) -> tuple[Array, Array, Array | None, Array]:
     """Return the tangent stiffness about an equilibrium in two parts, and two arrays for the rigid body (the magnet).
 
-    The parts are those of the law and of stresses and loads, (E, B, u, u) each. The arrays are derivatives of
-    displacements by the motion of the body, (Et, B, u, 3), and the stiffness of the body, (B, 3, 3).
+    The parts are those of the law and of stresses and loads, for E elements with u displacements and B candidate laws,
+    (E, B, u, u) each. The arrays are derivatives of the displacements of Et elements by the motion of the body, (Et, B,
+    u, 3), and the stiffness of the body, (B, 3, 3).
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)
