@@ -121,19 +121,15 @@ class LoadedMesh:
         Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
     slopes : ndarray, shape (N, d)
         The integral over the silicone of the derivatives of each node's shape function, in mm² (in mm for a planar
-        mesh). A load whose energy is linear in the deformation gradient has nodal forces proportional to these
-        integrals.
+        mesh).
     nodal_dipole : ndarray, shape (N,)
         Factors d in N/T that give the forces of a uniform field B on magnetised silicone: the force on a node is d B.
-        The factor of a node is the integral of the derivative of its shape function along the magnetisation, times the
-        magnetisation. The forces of an element add up to zero and form a torque. All factors are zero if the silicone
-        is not magnetised.
+        They are zero if the silicone is not magnetised.
     element_dipole : ndarray, shape (E, n)
         The contribution of each element to ``nodal_dipole``. This array and the next two exist only if the silicone is
         magnetised.
     element_share : ndarray, shape (E, n)
-        Weights of an element's nodes (not related to ``share``). The weighted mean of the nodes' positions is the
-        middle of the element.
+        Weights of an element's nodes. The weighted mean of the nodes' positions is the middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) of the nodes of each element at rest.
     field_place_mm : ndarray, shape (2,)

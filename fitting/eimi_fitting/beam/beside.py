@@ -47,23 +47,18 @@ class SolidOptions:
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
-        "interpolate": interpolate the depth effect; if this fails, mark all states as diverged. "follow": solve the
-        solid model in all states, one after another. "either": interpolate, and follow if the interpolation fails.
+        "interpolate": interpolate the depth effect. "follow": solve the solid model in all states, one after another.
+        "either": interpolate, and follow if the interpolation fails.
     accuracy_mm : float
-        Accuracy of the interpolation in mm. No further states are solved if the solved shape in a new state differs
-        from the interpolated shape by less than this distance.
+        Accuracy of the interpolation in mm.
     similar : tuple of DepthEffect
-        Depth effects of similar candidate laws. If one of these candidates has the same planar shapes as the new
-        candidate, within ``accuracy_mm``, its depth effect is used and the solid model is not solved. Otherwise, only
-        the small difference between the new depth effect and one of these depth effects is interpolated.
+        Known depth effects of similar candidate laws, from which the new depth effect differs little.
     effect : DepthEffect or None
         The depth effect, if it is already known. Only the planar model is then solved.
     earlier : DepthEffect or None
-        The depth effect of nearly the same candidate, computed earlier under some of the present loads. It is used in
-        all states whose bending lies in its range, and the solid model is solved only in the other states.
+        The depth effect of nearly the same candidate, computed earlier under some of the present loads.
     planar_shapes : Shapes or None
-        The shapes of the planar model for the same candidate and loads, if they are already known. The planar model is
-        then not solved.
+        The shapes of the planar model for the same candidate and loads, if they are already known.
     """
 
     method: Method = "either"

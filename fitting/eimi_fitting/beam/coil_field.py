@@ -158,9 +158,7 @@ class CoilShape:
     table : FieldTable or None
         The field at the points of a grid. None: the field is uniform except for gradient and curvature.
     curvature_per_m2 : float
-        Half of the second derivative of the relative field strength along the axis, in 1/m². The curvature is negative
-        near the middle of a coil, because the strength decreases along the axis. Across the axis the strength then
-        increases, by half of this amount.
+        Half of the second derivative of the relative field strength along the axis, in 1/m².
     """
 
     axis: tuple[float, float]

@@ -342,14 +342,10 @@ class Solid:
         tolerance_mm : float
             Largest displacement of a node in the last step of a solution that has converged.
         few : int or None
-            Largest number of iterations, if ``start`` is close to the solution. A candidate gets the status
-            OUT_OF_ITERATIONS if it needs more iterations, or if its tangent stiffness is not positive definite before
-            Newton's method has converged. None: at most 25 iterations, and the tangent stiffness need not be positive
-            definite.
+            Largest number of iterations, if ``start`` is close to the solution. None: at most 25 iterations.
         only_try : bool
             True: give up a candidate, with the status DIVERGED, as soon as the matrix that has to be factorised is not
-            positive definite. This saves the slow factorisation of such matrices, and is used for starts after which
-            another start can be tried. A rigid body with silicone around it is not part of this matrix.
+            positive definite.
 
         Returns
         -------

@@ -68,9 +68,7 @@ class Grid:
         Number of elements across the width. If the magnet is narrower, there are at least half of this number (rounded
         up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
-        Put mesh lines through the magnet's block even if the magnet is as wide as the beam. A solid mesh needs these
-        lines if the magnet is less deep than the beam, because there are elements of silicone in front of the magnet
-        and behind it.
+        Put mesh lines through the magnet's block even if the magnet is as wide as the beam.
 
     Attributes
     ----------

@@ -192,8 +192,7 @@ def follow(
         Keep the configurations of the first candidate in ``Shapes.every``.
     beside : Configuration or None
         For one candidate only: the configurations of another beam model that bends almost like this model, one row for
-        each state. The solution of a state then begins at the configuration of the other model plus the difference
-        between the two models, which is extrapolated from the states already solved.
+        each state. Newton's method then begins near them.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)

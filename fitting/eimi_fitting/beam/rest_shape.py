@@ -30,11 +30,10 @@ class RestShape:
     ----------
     turns : tuple of (float, float)
         Rows of two numbers: a fraction of the beam's length, and the angle of the centre line there in rad. The rows
-        are connected by a cubic spline. The angle is measured from the normal of the clamp. The centre line leaves the
-        clamp along this normal. The first row is therefore (0, 0).
+        are connected by a cubic spline. The angle is measured from the normal of the clamp. The first row is (0, 0).
     widths, depths : tuple of (float, float)
-        Rows of two numbers: a fraction of the beam's length, and the addition to the specimen's width or depth there
-        in mm. The rows are connected by straight lines. Two rows with the same fraction describe a step.
+        Rows of two numbers: a fraction of the beam's length, and the addition to the specimen's width or depth there in
+        mm. The rows are connected by straight lines. Two rows with the same fraction describe a step.
 
     Examples
     --------

@@ -81,10 +81,8 @@ class SolidModel:
         law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         beside : Configuration or None
-            For one candidate only: the configurations of the planar model in the K states. They bend almost like the
-            solid model. Newton's method then begins in each state at the planar configuration plus the difference
-            between the two models, which is extrapolated from the states already solved. This needs fewer iterations.
-            None: Newton's method begins at an extrapolation of the solid configurations themselves.
+            For one candidate only: the configurations of the planar model in the K states. Newton's method then begins
+            near them.
 
         Returns
         -------

@@ -236,8 +236,8 @@ class Transient:
             Accelerations of the two points of the magnet, (2, 2); they give the inertial force and moment on the
             magnet.
         inertia
-            Derivative of an acceleration by the displacement at the end of the time step, in 1/s². This number times
-            the mass matrix is added to the stiffness. It is 0 if inertia is neglected.
+            Derivative of an acceleration by the displacement at the end of the time step, in 1/s². It is 0 if inertia
+            is neglected.
         rigid
             The present translation and rotation of the magnet, (3,).
         """
@@ -291,7 +291,7 @@ class Transient:
             Displacements of the nodes, (N, 2), and of the magnet, (3,), at the end of the step.
         batch, stiffness
             The law with which the time step was solved: the instantaneous law, with its moduli multiplied by
-            ``stiffness``. Its stress divided by ``stiffness`` is the elastic stress of the instantaneous law.
+            ``stiffness``.
         fading, share
             Two factors for each of the m terms of the Prony series, (m,). The stress of a term is multiplied by
             ``fading`` in the step, and ``share`` times the change of the elastic stress is added to it.

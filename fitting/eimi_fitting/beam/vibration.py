@@ -103,8 +103,7 @@ class Vibration:
             Number of modes that are computed for each ratio in ``stiffenings``, if ``basis`` is None.
         stiffenings : sequence of float
             Ratios of the modulus in the vibration to the modulus of the equilibrium, if ``basis`` is None. The shapes
-            are the modes for all ratios together. A material is stiffer in a vibration than at rest. Under large loads
-            the modes depend on the modulus, and several ratios are then useful.
+            are the modes for all ratios together.
 
         Returns
         -------

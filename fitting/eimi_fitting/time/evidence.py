@@ -76,8 +76,7 @@ class RingEvidence:
         Number of ring-downs under the same loads. They have the same table, and its errors are common to all of them.
     age_s : float
         Time in s from the last change of the load to the vibrations. The beam has crept for this time under constant
-        loads. The equilibrium about which it vibrates is computed with the instantaneous modulus, divided by the factor
-        by which the strain has grown.
+        loads.
     """
 
     table: RingTable

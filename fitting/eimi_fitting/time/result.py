@@ -65,8 +65,7 @@ class RingDown:
         Frequency at small amplitudes and its standard uncertainty.
     decay_loss, decay_loss_sigma : float
         Loss factor of the decay, 2 delta / omega with the decay rate delta and the angular frequency omega, and its
-        standard uncertainty. Gravity and field store a part of the energy without loss. The loss factor of the decay
-        therefore differs from the loss factor of the material.
+        standard uncertainty. It differs from the loss factor of the material.
     amplitude_mm : float
         Amplitude at the start of the fitted part of the recording, in the channel with the largest amplitude. A channel
         is one coordinate of one point.
@@ -125,15 +124,14 @@ class LawOfTime:
     loss_interval_95 : tuple of float
         Lower and upper end of the 95 % interval of the loss factor.
     dynamic_shear_modulus : Quantity
-        Storage modulus Re mu* at ``frequency_Hz``. If there was no field, this modulus does not depend on the magnet's
-        moment.
+        Storage modulus Re mu* at ``frequency_Hz``.
     prony : tuple of PronyTerm
         The terms of the Prony series.
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
         The modulus mu(0), and the limit of mu(t) for long times.
     known_between_s : tuple of float
-        Range of times in which the half-width of the 95 % interval of mu(t) is at most 5 %. This interval does not
-        contain the uncertainties of the inputs (such as dimensions) that a file specifies.
+        Range of times in which the half-width of the 95 % interval of mu(t) is at most 5 %, without the uncertainties
+        of the inputs that a file specifies.
     moment : Quantity or None
         Factor on the specified magnetic moment at which static states and motions give the same modulus; None if the
         factor was not fitted.

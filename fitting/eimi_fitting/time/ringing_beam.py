@@ -42,8 +42,7 @@ class RingingBeam:
     shape : ndarray, shape (n,)
         The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
     hanging_N : float
-        Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only,
-        because it hangs on a thread: across gravity it swings too slowly to follow the vibration of the beam.
+        Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only.
     """
 
     specimen: Specimen

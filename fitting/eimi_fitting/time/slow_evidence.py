@@ -105,9 +105,8 @@ class CreepEvidence:
     label : str
         Origin of the recording, for messages.
     shown : tuple of ndarray, or None
-        A table of true rotations and of the rotations that are measured in their place, both in rad. They differ
-        because the measurement converts displacements to rotations by a constant factor. None if the measured rotations
-        are the true ones.
+        A table of true rotations and of the rotations that are measured in their place, both in rad. None if the
+        measured rotations are the true ones.
     """
 
     history: LoadHistory

@@ -174,8 +174,7 @@ def slow_rotations(
     -------
     tuple of ndarray, or None
         Times, rotations, standard uncertainties of the rotations (rad), and squared amplitudes of the subtracted
-        vibration (rad²). The motion is averaged over intervals of at least one period of the vibration, and each
-        average gives one rotation. None if there are fewer than three intervals, or if no point moves.
+        vibration (rad²). None if there are fewer than three intervals, or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
