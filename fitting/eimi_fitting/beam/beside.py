@@ -248,6 +248,7 @@ class SolidBeside:
             unsolved = unsolved[np.abs(places[unsolved] - place) > same]
         while len(unsolved):
             solved = np.array([*effect.places, *effect.places_of_base])
+            # Leja's order: the next state has the largest product of its distances from the solved states.
             distance = np.abs(places[unsolved, None] - solved).prod(axis=1) if len(solved) else np.abs(places[unsolved])
             k = int(unsolved[np.argmax(distance)])
             predicted = effect.at(places[k]) if len(solved) > 1 or effect.base else None

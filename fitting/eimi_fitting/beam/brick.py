@@ -121,6 +121,7 @@ def stretch(ops: Operators, nodal: Array) -> Array:
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
     a, b, c, d, e, f = isotropy.right_cauchy_green(F)
+    # The largest eigenvalue in closed form (Smith 1961, Communications of the ACM 4:168).
     mean = (a + b + c) / 3
     a, b, c = a - mean, b - mean, c - mean
     size = np.sqrt((a * a + b * b + c * c + 2 * (d * d + e * e + f * f)) / 6)

@@ -197,6 +197,8 @@ class CoilShape:
 
         The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number.
         """
+        # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
+        # it.
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
         s, t = from_rest_mm @ np.array([a, b]), from_rest_mm @ np.array([-b, a])
         by_s, by_t = 2 * s - 1j * t, -t - 1j * s
@@ -218,6 +220,9 @@ class CoilShape:
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
+        # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no
+        # divergence, so that those of the component across the axis are g and -h / 2, if the derivatives in both
+        # directions across the axis are equal.
         return np.asarray((h + 1j * g) * along + (g - 0.5j * h) * across)
 
 

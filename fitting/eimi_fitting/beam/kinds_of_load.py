@@ -36,6 +36,8 @@ class UniformField:
         """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone."""
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
+        # The energy of hard-magnetic silicone is linear in the displacements, so that the forces are dead loads (Zhao,
+        # Kim, Cianchetti, Zhao 2019, J. Mech. Phys. Solids 124:244).
         if mesh.nodal_dipole.any():
             total.nodal[..., :2] += mesh.nodal_dipole[:, None] * field[:, None, :]
 

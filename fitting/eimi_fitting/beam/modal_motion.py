@@ -138,6 +138,7 @@ def fixed_point(
             first = next_root(s)
             second = next_root(first)
             bend = second - 2 * first + s
+            # Aitken's method accelerates the convergence.
             s_next = np.where(np.abs(bend) > 1e-14 * np.abs(s), s - (first - s) ** 2 / bend, second)
             done = np.asarray(np.abs(s_next - s) <= 1e-12 * np.abs(s_next))
             s = s_next

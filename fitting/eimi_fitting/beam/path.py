@@ -357,6 +357,8 @@ def _divided(
         guess = predicted or recent[-1][1]
         batch, factor = chosen.take(rows[going])
         part, outcome, spent = solid.equilibrium(batch, loads_at(target, factor), guess, tolerance_mm, most, only_try)
+        # If Newton's method needs many iterations, it may end at an equilibrium of another path (Deuflhard 2011, Newton
+        # Methods for Nonlinear Problems, section 5.1).
         contracts = spent <= few
         if predicted is not None:
             contracts &= _as_predicted(solid, predicted, part)

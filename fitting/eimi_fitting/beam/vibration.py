@@ -198,6 +198,7 @@ class Vibration:
         body = np.zeros((_SHAPES, b, 3))
         body[:across, :, 1] = body[across:, :, 0] = self.inertia.body_mass * MM_PER_M
         previous = np.full((b, 3), np.inf)
+        # Subspace iteration (Bathe 2014, Finite Element Procedures, section 11.6).
         for _ in range(_PASSES):
             free, rigid = factored.solve(nodes, body)
             local = self._local(free, rigid, tie)

@@ -122,6 +122,7 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
         ):
             starts.append(i)
     runs = [slice(first, last) for first, last in pairwise([*starts, len(windows)])]
+    # A touch adds loss, so that the group of windows with the smallest loss is used.
     losses = [_largest_loss(windows[run]) for run in runs]
     return runs[int(np.argmin(losses))]
 
@@ -142,6 +143,8 @@ def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)
     is_large = np.array([w.amplitude_mm > _SMALL * windows[0].amplitude_mm for w in windows], bool)[:used]
+    # Each error is the larger of two: the largest deviation of a used window from the fit, and half of the change to
+    # the first window that is not used.
     beyond = np.maximum(np.abs(values - mode) - 2 * sigmas, 0.0)[:used][is_large].max(axis=0, initial=0.0)
     if 0 < used < len(windows):
         beyond = np.maximum(beyond, 0.5 * np.abs(values[used] - values[used - 1]))

@@ -299,6 +299,7 @@ def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
              for r in alike]
         )  # fmt: skip
         mean = (values / spread**2).sum(axis=0) / (1 / spread**2).sum(axis=0)
+        # Birge ratio: the root of chi-square / degrees of freedom.
         ratio = np.sqrt((((values - mean) / spread) ** 2).sum(axis=0) / (len(alike) - 1)).max()
         widened.append(replace(ring, inflation=float(max(ratio, 1.0)), repeats=len(alike)))
     return tuple(widened)

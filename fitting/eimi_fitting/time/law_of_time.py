@@ -350,6 +350,8 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     walkers = at + 0.3 * rng.standard_normal((_WALKERS, m)) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     density, half = log_density(walkers), _WALKERS // 2
     samples = []
+    # A walker moves along the line through itself and another walker; the move is accepted or rejected by the density
+    # at its end (Goodman and Weare 2010, Comm. App. Math. Comp. Sci. 5:65).
     for move in range(_MOVES):
         for first in (slice(0, half), slice(half, None)):
             others = walkers[half:] if first.start == 0 else walkers[:half]

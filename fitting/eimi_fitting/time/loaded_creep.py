@@ -208,6 +208,8 @@ class CreepHistories:
         softest = 1e-3 * stiffnesses
         overstress, theta = np.zeros(shares.shape[1:]), np.zeros(stiffnesses.shape[1:])
         every = np.empty((steps, *theta.shape))
+        # Internal variables integrate the Prony series exactly for rotations that change linearly within a time step
+        # (Simo and Hughes 1998, Computational Inelasticity, section 10.3).
         for j in range(steps):
             stiffness = stiffnesses[j]
             overstress *= fadings[j]

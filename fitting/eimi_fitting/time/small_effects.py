@@ -66,6 +66,8 @@ def small_effects(
     body = inertia.body_mass * 1e3 * specimen.depth_mm
     # The first mode of a uniform cantilever carries a quarter of its mass at the tip.
     effective = 0.25 * line * length + body
+    # The air acts as on an oscillating plate that has the depth of the beam (Blevins 2016, Formulas for Dynamics, table
+    # 6.2; viscous part: Hosaka, Itao and Kuroda 1995, Sensors and Actuators A 49:87).
     air = 0.25 * np.pi * _AIR_DENSITY_KG_M3 * depth**2 * length * 0.25
     added = air / effective
     viscous = 0.25 * length * np.pi * _AIR_DENSITY_KG_M3 * depth * np.sqrt(2 * _AIR_VISCOSITY_M2_S * omega)
