@@ -95,7 +95,8 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 def quick(case: Case, ends: Ends) -> Outcome:
     """Fit one experiment by interpolation between simulated beams, and return the modulus with a 95 % interval.
 
-    The interval has the mean relative width of the full fits with the same beam and noise, which `ends` contains.
+    The interval is as wide, relative to the modulus, as in the full fits with the same beam and noise; `ends` contains
+    these mean widths.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))

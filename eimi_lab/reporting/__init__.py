@@ -4,7 +4,7 @@ shown          read the fits of all files, and give each fit a label and a style
 sections       choose the model of the cross-section with which each fit is simulated
 contents       the fits, datasets and predictions that the panels of a report show
 findings       the result in words: modulus, interval, largest sources of uncertainty, reliability
-error_at_a_glance  draw the error of the fit that represents each dataset against the field
+error_at_a_glance  draw the error of each dataset over the magnetic field
 residual_noise   test whether the residuals of a fit look like noise
 panel          the description of a panel of the report: place, title, template and values
 panels         the panels, one in each module

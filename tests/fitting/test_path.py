@@ -173,8 +173,7 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
     """On a fine mesh, one load step reaches the same equilibrium as forty load steps, although the beam bends suddenly.
 
-    The rotation begins late in the step. The start that is extrapolated from two states then has too much rotation,
-    which small elements do not tolerate.
+    The one load step is divided into smaller steps. The beam hardly rotates at first, and then suddenly by much.
     """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (

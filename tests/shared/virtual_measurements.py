@@ -83,7 +83,7 @@ class Case:
 
     @property
     def is_solid(self) -> bool:
-        """Whether the beam is simulated as a solid: in twelve of 48 experiments, one for each law and noise level."""
+        """Whether the beam is simulated as a solid, which is so in every fourth group of twelve experiments."""
         return not self.is_usual and self.number // 12 % 4 == 3
 
     @property

@@ -27,7 +27,7 @@ class InterruptibleTransport:
         self._between_messages = between_messages
 
     def write(self, message: bytes) -> None:
-        """Call the function, then send the message. If the function raises an error, the message is not sent."""
+        """Call `between_messages`, then send the message. If the call raises an error, the message is not sent."""
         self._between_messages()
         self._link.write(message)
 

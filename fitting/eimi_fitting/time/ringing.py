@@ -149,9 +149,9 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Two factors for each of three planar modes, on the modulus and on the squared frequency, (3,) each.
+        """Factors that give three planar modes of vibration the frequencies of the solid model, two arrays (3,).
 
-        With them the planar model has the frequencies of the solid model.
+        The first factor of a mode multiplies the shear modulus of the beam, and the second the squared frequency.
         """
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)

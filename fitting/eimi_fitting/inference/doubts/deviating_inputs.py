@@ -49,7 +49,8 @@ class Deviation:
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
     """Return the deviations of inputs, within their stated uncertainties, that the residuals of a fit show.
 
-    The keys are indices in the list of possible errors of the test bench (causes).
+    A wrong width, for example, is a possible error of the test bench (a cause). It is a deviation if it is not larger
+    than the file of the specimen states. The keys of the result are the indices of the causes.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
     posterior : Posterior
         The probability density of the residuals and the sizes of causes and deviations, for each set.
     base : int
-        Index of the most probable set. Its causes are not returned.
+        Index of the most probable set. The causes of this set are left out.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):

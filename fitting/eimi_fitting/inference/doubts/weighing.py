@@ -295,7 +295,10 @@ class Weighing:
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the most probable sizes of the errors of the test bench in one set of errors, by simulations."""
+        """Return the most probable changes of the law and sizes of errors of the test bench, found by simulations.
+
+        Only the errors of one set are present. ``row`` is the index of the set, and ``amplitudes`` are the first guess.
+        """
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
         best, least = trial.copy(), np.inf

@@ -162,7 +162,9 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the input, and the index among its numbers, that belong to a name in a result.
+    """Return the uncertain input that a result of a fit names, such as the clamp, and the index of one of its numbers.
+
+    The clamp has two numbers, x and y. ``name`` is the name of one number, such as "clamp x of dataset 0".
 
     Raises
     ------
