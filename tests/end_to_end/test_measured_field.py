@@ -74,6 +74,7 @@ def modulus_Pa(folder: Path) -> float:
     return float(fit["initial_shear_modulus"]["value"])
 
 
+@pytest.mark.slow  # test_bench.py fits with a measured field in the default run
 def test_a_fit_uses_the_field_that_a_gaussmeter_measured(done: Callable[..., list[str]], tmp_path: Path) -> None:
     moduli = []
     for name, sensors in (("typed", ""), ("measured", SENSORS)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from eimi_fitting.beam.loads import Loads
 from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.beam.outline import edge_curves, outline, points_on
+from eimi_fitting.beam.path import Shapes
 from eimi_fitting.beam.solid_model import SolidModel
 from eimi_fitting.beam.specimen import Magnet, Specimen
 from eimi_fitting.beam.view import View
@@ -32,14 +34,20 @@ VIEWS = {
 LOADS = Loads.along([3.0, 6.0])
 
 
+@lru_cache
+def bent(beam: str) -> tuple[SolidModel, Shapes]:
+    """Return the three-dimensional model of a beam, and its shapes under the loads."""
+    model = SolidModel(BEAMS[beam], 20, 2)
+    return model, model.solve(NEO, MODULUS, LOADS)
+
+
 @pytest.mark.parametrize("beam", BEAMS)
 @pytest.mark.parametrize(
     "view", ["aside", *(pytest.param(view, marks=pytest.mark.slow) for view in ("telecentric", "150 mm"))]
 )
 def test_the_faces_lie_within_the_outline_and_touch_it(beam, view):
     specimen, camera = BEAMS[beam], VIEWS[view]
-    model = SolidModel(specimen, 20, 2)
-    shapes = model.solve(NEO, MODULUS, LOADS)
+    model, shapes = bent(beam)
     assert shapes.converged[0]
     curves = outline(model, shapes, camera)[0]  # (K, 2, S, 3, 2)
     x = np.linspace(1.0, 25.5, 60)
@@ -55,8 +63,7 @@ def test_the_faces_lie_within_the_outline_and_touch_it(beam, view):
 
 
 def test_the_convex_edge_is_that_of_the_outer_faces_and_the_concave_edge_that_of_the_middle_plane():
-    model = SolidModel(BEAMS["a magnet in part of the depth"], 20, 2)
-    shapes = model.solve(NEO, MODULUS, LOADS)
+    model, shapes = bent("a magnet in part of the depth")
     curves = outline(model, shapes)[0, -1]
     middle, face = (
         model.positions(shapes, np.array([[13.0, y, z] for y in (-1.5, 1.5)]))[0, -1, :, :2] for z in (0, 2.5)
