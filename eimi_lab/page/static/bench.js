@@ -148,7 +148,7 @@ on("frame", async (about, blob) => {
 on("edges", (edges) => {
   if (edges.run !== shownRun) return;
   lastEdges = edges;
-  drawEdges();
+  if (lastAbout) drawEdges(); // without a frame of the run, the picture is the stored state, which keeps its own edges
   flagList(byId("live-flags"), edges.flags);
 });
 

@@ -100,7 +100,9 @@ def test_a_run_is_started_watched_by_two_tabs_reloaded_and_stopped(
     assert "tick “continue this dataset” and press Start" in outcome
     assert not re.search(r"SIG|--resume", outcome)  # words for a terminal
     page.get_by_text("the last state of run.h5").wait_for()
+    page.locator("#live polyline >> nth=1").wait_for(state="attached")
     assert page.locator("#live canvas").get_attribute("aria-label") == f"state {stored - 1} of run.h5"
+    assert page.locator("#live polyline").count() == 2
     assert page.get_by_role("button", name="Fit this").is_visible()
 
 
