@@ -79,7 +79,7 @@ class EventLines:
         self._waiting.put(to_line(event) + "\n")
 
     def finish(self) -> None:
-        """Wait until the remaining events are written, but only for a short time."""
+        """Wait until the remaining events are written, but at most for one second."""
         self._waiting.put(None)
         self._writer.join(LAST_LINES_S)
 

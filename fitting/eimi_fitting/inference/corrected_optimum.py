@@ -108,7 +108,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
         problem, optimum, effects = _with_solids(problem, first)
         stretch = optimum.evaluation.comparison.max_stretch
     else:
-        # The planar model has the coarse mesh of the search, and finer meshes correct it.
+        # The planar model is solved on the coarse mesh of the search. Its result is then corrected with finer meshes.
         coarse = replace(problem, experiments=on_coarse_mesh(problem.experiments))
         first = _polished(coarse, unit, enough=_LOOSE)
         problem, optimum, effects, stretch = _with_finer_meshes(problem, coarse, first)

@@ -133,11 +133,11 @@ def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) ->
     if sound.sum() < 4 or np.ptp(np.radians(model.tip_angle_deg(shapes))[sound, 0]) < _LEAST_TURN:
         return modulus_Pa
     half = len(motion.points_mm) // 2
-    seen = motion.seen[half:]
-    points = seen.any(axis=0)
+    is_seen = motion.seen[half:]
+    points = is_seen.any(axis=0)
     if not points.any():
         return modulus_Pa
-    late = np.ma.median(np.ma.array(motion.points_mm[half:], mask=~np.repeat(seen[..., None], 2, axis=2)), axis=0)
+    late = np.ma.median(np.ma.array(motion.points_mm[half:], mask=~np.repeat(is_seen[..., None], 2, axis=2)), axis=0)
     moved = (np.asarray(late) - motion.rest_mm)[points]
     computed = (model.positions(shapes, places)[sound, 0] - places)[:, points]
     logs = np.log(moduli[sound])
@@ -220,7 +220,7 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return the n frames that show the slow motion: times, rotations of the tip, remaining vibrations, (n,) each.
+    """Return times, rotations of the tip and remaining vibrations of the n frames that show the slow motion, (n,) each.
 
     The times are in s, the other two in rad. decay: the fitted vibrations; None if no vibration was found. gain: for
     each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
@@ -285,5 +285,5 @@ def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
         return float(np.log(sigma).sum() + 0.5 * (((rotation - line @ fitted) / sigma) ** 2).sum())
 
     start = np.array([np.log(max(float(rotation.std()), white)), -np.log(times_s[-1])])
-    found = scipy.optimize.minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
-    return ringing(found.x)
+    optimum = scipy.optimize.minimize(cost, start, method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.01})
+    return ringing(optimum.x)

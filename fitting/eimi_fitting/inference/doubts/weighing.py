@@ -181,9 +181,10 @@ class Weighing:
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of an error of the test bench that changes the residuals nearly as given input deviations do.
+        """Return the size of an error of the test bench that affects the residuals nearly as some wrong inputs do.
 
-        ``rows`` are the indices of the deviations, and ``amounts`` their sizes.
+        An input, such as the width, is wrong by its deviation. ``rows`` are the indices of the deviations, and
+        ``amounts`` their sizes. ``cause`` is the index of the error.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root

@@ -177,7 +177,7 @@ def _changes(
     problem: Problem, unit: Array, index: int, numbers: Sequence[tuple[SharedUnknowns, int]]
 ) -> list[Array | None]:
     """Return the changes of the residuals of one experiment if one input at a time deviates by its uncertainty."""
-    # The deviation of a fitted input is added to its fitted value, and of any other input to its stated value.
+    # A fitted input deviates from its fitted value, and any other input from its stated value.
     freed = [
         (n.source, n.part, float(n.value(unit[column])))
         for column, n in enumerate(problem.unknowns.freed, problem.unknowns.searched)
