@@ -128,6 +128,7 @@ def calibrate(
     from eimi_lab.config.specimen import load_specimen
     from eimi_lab.process.outputs import check_distinct, refuse_existing
     from eimi_lab.vision.calibration import calibration_file
+    from eimi_lab.vision.calibration.writing import write_calibration
 
     output = output or Path("board.pdf" if print_board else "calibration.toml")
     inputs = (*(images or []), mid_plane, beam, plumb_line, Path(specimen) if specimen else None)
@@ -169,7 +170,7 @@ def calibrate(
         estimate = 90.0 if gravity_angle is None else gravity_angle  # cameras are seldom upside down
         calibration, more = calibration_file.with_measured_gravity(calibration, plumb_line, estimate)
         remarks += more
-    calibration_file.write_calibration(calibration, output, force)
+    write_calibration(calibration, output, force)
     if calibration.uncertainty:
         remarks.append(f"{calibration.pixels_per_mm:.4f} ± {calibration.uncertainty['pixels_per_mm']:.2g} px/mm")
         remarks.append(

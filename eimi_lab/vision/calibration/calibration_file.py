@@ -1,4 +1,4 @@
-"""Make a calibration.toml from images of a board, of the beam at rest, or of a ruler.
+"""Make a calibration from images of a board, of the beam at rest, or of a ruler.
 
 The place of the clamp and the direction of gravity may be measured on additional pictures.
 """
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from eimi_lab.config.calibration import Calibration
 from eimi_lab.config.specimen import SpecimenFile
-from eimi_lab.config.toml import check, parse
+from eimi_lab.config.toml import check
 from eimi_lab.process.errors import InputError
-from eimi_lab.process.outputs import write_file
 from eimi_lab.vision.calibration.board import Board
 from eimi_lab.vision.calibration.known_width import measure_beam, measure_clamp
 from eimi_lab.vision.calibration.lens import FEWEST_VIEWS, BoardPose, Lens, View, calibrate_lens, fit_board_pose
@@ -387,57 +386,6 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
         f"the thread is straight to {plumb.residual_px:.3f} px RMS"
     )
     return calibration.model_copy(update=changed), [line]
-
-
-def write_calibration(calibration: Calibration, path: Path, force: bool) -> None:
-    """Write a calibration.toml.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        The calibration to write.
-    path : Path
-        The file to write.
-    force : bool
-        Whether an existing file is overwritten.
-
-    Raises
-    ------
-    InputError
-        If the file exists and `force` is false, or if the file cannot be written.
-    """
-    uncertain = calibration.uncertainty
-    lines = [
-        f"pixels_per_mm = {calibration.pixels_per_mm:.6f}",
-        f"clamp_midpoint_px = {_listed(calibration.clamp_midpoint_px)}",
-        f"axis_angle_deg = {calibration.axis_angle_deg:.5f}       # clockwise from the image's +x, like all angles",
-        f"gravity_angle_deg = {calibration.gravity_angle_deg:.5f}",
-    ]
-    if calibration.coil_constant_mT_per_A is not None:
-        lines.append(f"coil_constant_mT_per_A = {calibration.coil_constant_mT_per_A!r}")
-        lines.append(f"field_angle_deg = {calibration.positive_field_deg:.5f}")
-    if not calibration.gravity:
-        lines.append("gravity = false")
-    if calibration.camera_matrix is not None and calibration.distortion is not None:
-        lines.append("camera_matrix = [" + ", ".join(map(_listed, calibration.camera_matrix)) + "]")
-        lines.append(f"distortion = {_listed(calibration.distortion)}")
-    if calibration.stand_off_mm is not None:
-        lines.append(f"stand_off_mm = {calibration.stand_off_mm:.3f}")
-    if calibration.telecentric:
-        lines.append("telecentric = true")
-    if calibration.calibrated_on is not None:
-        lines.append(f"calibrated_on = {calibration.calibrated_on.isoformat()}")
-    if uncertain is not None:
-        lines += ["", "[uncertainty]    # standard uncertainties of the numbers above; add all others that you know"]
-        lines += [f"{name} = {value:.3g}" for name, value in uncertain.items()]
-    text = "\n".join(lines) + "\n"
-    parse(Calibration, text, path)
-    write_file(path, text, force)
-
-
-def _listed(numbers: Sequence[float]) -> str:
-    """Return numbers as the text of a TOML list."""
-    return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"
 
 
 def _scale_quality(calibration: Calibration, source: str) -> str:
