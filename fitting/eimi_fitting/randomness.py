@@ -58,7 +58,7 @@ class Randomness:
 
     @property
     def decided(self) -> bool:
-        """Return whether there are enough points for the two tests: at least 10 pairs of neighbouring points."""
+        """Return whether there are at least 10 pairs of neighbouring points, enough for both tests of randomness."""
         return self.pairs >= _FEWEST
 
     @property
@@ -82,8 +82,7 @@ def randomness_of(residuals: Array) -> Randomness:
     Returns
     -------
     Randomness
-        The results of the two tests. The two probabilities are 1 if there is no pair of points or if all residuals are
-        zero.
+        The results of both tests. Both probabilities are 1 if there is no pair of points or if all residuals are zero.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""Turn the edges of bent beams into linear equations for the coefficients of the terms.
+"""Turn the edges of bent beams into linear equations for the coefficients of the terms of a strain energy.
 
-The terms belong to the energy of a hyperelastic law. The edges are linearised about a law that is close to the
-solution. The residuals for this law are computed with the best model of the specimen. The best model is the
-three-dimensional model for a solid section, and a planar model with a finer mesh for other sections. The derivatives of
-the residuals are finite differences, computed with the coarser planar model. The error of the derivatives has little
-effect, because all compared laws bend the beam by almost the same amount.
+The edges are linearised about a law that is close to the solution. The residuals for this law are computed with the
+most accurate model of the specimen: the three-dimensional model for a solid section, and a planar model with a finer
+mesh for other sections. The derivatives of the residuals are finite differences, computed with the coarser planar
+model. The error of the derivatives has little effect, because all compared laws bend the beam by almost the same
+amount.
 """
 
 from __future__ import annotations
@@ -44,18 +44,20 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard uncertainty of the modulus of the beams divided by that of the tensile curves.
+    """Return the relative standard deviation of a ratio of moduli: of the beams to that of the tensile specimens.
+
+    The ratio differs from one because the specimens come from different lots, and because of errors of the beam model.
 
     Parameters
     ----------
     lot : float
-        Relative standard deviation of the factor due to the different lots.
+        Relative standard deviation of the ratio due to the different lots alone.
 
     Returns
     -------
     float
-        sqrt(lot^2 + model^2). ``model`` is the relative standard deviation of the factor due to errors of the beam
-        model, 0.15 % / 1.96; 0.15 % is half the width of the 95 % interval.
+        sqrt(lot^2 + model^2). Here ``model`` is the relative standard deviation due to errors of the beam model alone,
+        0.15 % / 1.96; 0.15 % is half the width of the 95 % interval.
     """
     return float(np.hypot(lot, _MODEL))
 
@@ -65,8 +67,8 @@ def bending_rows(
 ) -> tuple[Rows, list[float]]:
     """Return linear equations for the coefficients of J terms of a law from the edges of bent beams.
 
-    The equations are exact to first order near the coefficients ``about``. Further unknowns are errors of inputs, such
-    as the clamp's position.
+    The equations are exact to first order near the coefficients ``about``. Further unknowns of the equations are errors
+    of inputs, such as the clamp's position.
 
     Parameters
     ----------
@@ -77,7 +79,8 @@ def bending_rows(
     about : array, shape (J,)
         Coefficients in Pa of the law about which the edges are linearised.
     lot : float
-        Relative standard deviation of the ratio of the modulus of the beams to the modulus of the tensile specimens.
+        Relative standard deviation of the ratio of the modulus of the beams to that of the tensile specimens, which may
+        come from another production lot.
 
     Returns
     -------
@@ -89,7 +92,8 @@ def bending_rows(
     Raises
     ------
     NoEquilibrium
-        If a beam has no equilibrium for any of the four laws.
+        If, for each of the four factors 1, 1.01, 0.99 and 1.03, a beam has no equilibrium with the coefficients
+        ``about`` times this factor.
     """
     for factor in _STIFFNESS_FACTORS:
         try:
@@ -121,9 +125,10 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals of the best beam model, and the standard deviation of its error in mm, (K, G, m).
+    """Return the residuals of the most accurate beam model, and the standard deviation of the error of this model.
 
-    There are K states, and G = 2 groups of m points (the two edges, or x and y of tracked points).
+    Both are in mm. The deviation has the shape (K, G, m) for K states and G = 2 groups of m points (the two edges, or x
+    and y of tracked points).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -162,10 +167,11 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return the changes of the residuals in mm if uncertain inputs change by their standard uncertainties.
+    """Return how much the residuals change, in mm, if one uncertain input changes by its standard uncertainty.
 
-    There is one row for each part of an input, such as x of the clamp, and in it one array, (K, G, m), or None for each
-    experiment. about: the coefficients of the law.
+    The outer list has one row for each part of an input, such as x of the clamp. A row has one array (K, G, m) for each
+    experiment, or None for an experiment without this input. There are K states and G = 2 groups of m points (the two
+    edges, or x and y of tracked points). about: the coefficients of the law in Pa.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -185,16 +191,17 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one experiment with independent errors of variance 1, and the noise in mm.
+    """Return the equations of one experiment, transformed so that their errors are independent, and the noise in mm.
 
-    The unknowns are the coefficients of the law and the nuisances (errors of inputs).
+    The errors of the equations have the variance 1. The unknowns are the coefficients of the law and the nuisances
+    (errors of inputs).
 
     Parameters
     ----------
     experiment : Experiment
         The bent beam.
     misfit : Misfit
-        The residuals of the law with the coefficients ``about``, for the best beam model.
+        The residuals that the most accurate beam model has with the coefficients ``about``.
     model_error : ndarray, shape (K, G, m)
         Error of the beam model in mm, in K states: G = 2 groups (left and right edge, or x and y of tracked points) of
         m points.
@@ -236,7 +243,7 @@ def _whitened(
 def _inverse_root(deviation: Array) -> Array:
     """Return the matrix (I + d d^T)^(-1/2), (m, m), with the identity I and d = ``deviation``, (m,).
 
-    It makes errors with the covariance I + d d^T independent.
+    The product of this matrix and errors with the covariance I + d d^T is a vector of independent errors.
     """
     square = float(deviation @ deviation)
     if square == 0.0:
@@ -245,7 +252,7 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return the root mean square residual of the best fit of all terms to one beam, in units of the noise.
+    """Return the root mean square residual of the least-squares fit of all terms to one beam, in units of the noise.
 
     A value well above 1 shows that the beam model is wrong.
     """

@@ -43,7 +43,7 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Return the equations for a noise ``factor`` times as large: both sides of each equation are divided by it."""
+        """Divide both sides of each equation by ``factor``, for noise that is ``factor`` times as large."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
@@ -59,7 +59,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Return the equations of all ``parts`` together."""
+        """Join the equations of all ``parts``; column i of ``nuisances`` belongs to the same unknown in every part."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(

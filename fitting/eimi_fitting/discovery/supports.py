@@ -75,7 +75,7 @@ class Support:
 
 
 def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Support, ...]:
-    """Fit every set of up to ``most_terms`` terms of a law, and return the sets with positive coefficients only.
+    """Fit every set of up to ``most_terms`` terms of a law, and return the sets whose coefficients are all positive.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
     Returns
     -------
     tuple of Support
-        The sets with positive coefficients and an initial shear modulus above zero, the smallest prediction error
-        first.
+        The sets whose coefficients and initial shear modulus are positive. The set with the smallest prediction error
+        comes first.
     """
     fitted = [
         support
@@ -104,9 +104,10 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the sets of terms that agree with the data and contain no smaller such set.
+    """Return the sets of terms that agree with the data and do not contain a smaller set that agrees.
 
-    A set agrees if the data cannot distinguish it from the best set.
+    A set agrees with the data if noise can explain that it predicts worse than the set with the smallest prediction
+    error.
     """
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
@@ -165,9 +166,9 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return the fitted set ``support`` with its excess (of squared prediction errors over the set ``best``).
+    """Return a copy of the set ``support`` with its ``excess`` and the standard error of this excess.
 
-    The standard error of the excess is set, too.
+    The excess is the sum of the squared prediction errors of ``support`` minus that of the set ``best``.
     """
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)

@@ -78,7 +78,7 @@ class Discovery:
         15 % of the stress at ``strain``. The values are these shares of the stress. Empty if there are several
         alternatives.
     strain : float
-        Largest strain of the tensile curves, as a ratio; 1 if there is no curve.
+        Largest engineering strain of the tensile curves; 1 if there is no curve.
     library : tuple of Term
         The terms that were tried.
     left_out : tuple of Term
@@ -111,9 +111,9 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether noise alone can explain the prediction errors of the first of ``alternatives``.
+        """Return whether the prediction errors of the first of ``alternatives`` are below 1.5 times the noise.
 
-        They may be up to 1.5 times as large as the noise.
+        Larger errors cannot be noise alone.
         """
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
@@ -233,9 +233,9 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms; if even the best set predicts worse than the noise allows, increase the noise.
+    """Fit all small sets of terms; if even the set that predicts best has too large errors, increase the noise.
 
-    rows: the equations; has_modulus: whether each term contributes to the initial shear modulus; most_terms: largest
+    rows: the equations. has_modulus: whether each term contributes to the initial shear modulus. most_terms: largest
     number of terms in a set.
 
     Returns
@@ -288,9 +288,9 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return coefficients of the J terms, (J,) in Pa, that are close to the solution.
+    """Return rough coefficients of the J terms in Pa, (J,), from which the linearisation starts.
 
-    modulus_Pa: the shear modulus of the beams; curve_rows: the equations of the tensile curves.
+    modulus_Pa: the shear modulus of the beams. curve_rows: the equations of the tensile curves.
     """
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0

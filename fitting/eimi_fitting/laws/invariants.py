@@ -1,8 +1,8 @@
-"""Base classes for laws W(I1, I2): the chain rule from the derivatives of W to the results of a `Law`.
+"""Base classes for hyperelastic laws whose strain energy W is a function of the invariants I1 and I2.
 
 I1 and I2 are the first and second invariants of the isochoric right Cauchy-Green tensor. A subclass provides W and the
-derivatives of W. From these, the classes compute the energy of planar deformations, the energy as a function of
-principal stretches, the stability limit and tensile fits.
+derivatives of W by the invariants. With the chain rule, the classes compute the energy of planar deformations, the
+energy as a function of principal stretches, the stability limit and tensile fits.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class InvariantEnergy(ABC):
 
     @abstractmethod
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W(x, y), and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx².
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class InvariantLaw(InvariantEnergy):
 
     A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
     examined by a scan, a tensile curve is fitted within the bounds of the search, and the law cannot be exported to a
-    finite-element program. A subclass can override these three methods.
+    finite-element program. A subclass can override the three methods ``drucker_limit``, ``fit_stress`` and ``card``.
 
     Examples
     --------

@@ -113,7 +113,7 @@ class CardConstants:
     volume
         The volumetric energy as a formula; None if it is the usual formula of the program.
     notes
-        Comments that the reader of the card must know.
+        Comments for the reader of the card.
     """
 
     keyword: str
@@ -125,7 +125,7 @@ class CardConstants:
 
 
 class CannotFit(Exception):
-    """A tensile test has too few rows in the window of strains, or the law cannot produce the measured stresses."""
+    """A tensile test has too few usable rows, or the law cannot produce the measured stresses."""
 
 
 class NotInSolver(Exception):
@@ -250,9 +250,8 @@ class Law(Protocol):
         Returns
         -------
         Array
-            (P,) largest stretches up to which the candidates are stable; 0 for a candidate that is unstable even at
-            rest. If a candidate is stable up to ``largest_stretch``, the result need not be its limit, but it must not
-            be smaller than ``largest_stretch``.
+            (P,) stretches; 0 for a candidate that is unstable even at rest. For a candidate that is stable up to
+            ``largest_stretch``, the result may be any stretch that is not smaller than ``largest_stretch``.
         """
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:

@@ -61,7 +61,7 @@ class MooneyRivlin(InvariantLaw):
         return 2 * (parameters[..., 0] + parameters[..., 1])
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = C10 x + C01 y, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+        """Return the strain energy W = C10 x + C01 y and its derivatives dW/dx, dW/dy and d²W/dx².
 
         x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
         """

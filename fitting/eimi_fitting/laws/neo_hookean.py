@@ -29,7 +29,7 @@ class NeoHookean(InvariantLaw):
     coordinates: tuple[Coordinate, ...] = (Coordinate("mu", *SHEAR_MODULUS_PA),)
 
     def from_coordinates(self, x: Array) -> Array:
-        """Return the parameter mu of P candidate laws, (P, 1), from the only coordinate of the search, also mu."""
+        """Return the parameter mu of P candidate laws, (P, 1). The only coordinate of the search is mu itself."""
         return x[:, :1]
 
     def initial_shear_modulus(self, parameters: Array) -> Array:
@@ -37,9 +37,9 @@ class NeoHookean(InvariantLaw):
         return parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = mu/2 x, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+        """Return the strain energy W = mu/2 x and its derivatives dW/dx, dW/dy and d²W/dx².
 
-        x = I1 - 3 and y = I2 - 3. The law does not depend on y.
+        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2. The law does not depend on y.
         """
         half = 0.5 * parameters[..., 0]
         zero = np.zeros_like(x)

@@ -3,8 +3,8 @@
 Source: Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5. The parameters of term p are the modulus mu_p and the
 exponent alpha_p.
 
-Planar energy. With c = a/(2 J) (`laws.law` defines a and J), the two stretches lambda1 and lambda2 in the plane appear
-as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
+Planar energy. Let F be the deformation gradient in the plane, a = F : F, J = det F and c = a/(2 J). The two stretches
+lambda1 and lambda2 in the plane appear as lambda1^alpha + lambda2^alpha = 2 J^(alpha/2) cosh(alpha/2 arccosh c).
 
 Stability. The Hessian of the energy by the logarithmic stretches is diagonal with the entries f(ln lambda_i), where
 f(e) = sum over p of mu_p alpha_p exp(alpha_p e). A deformation is stable if sum over i of f(ln lambda_i) d_i^2 is
@@ -15,8 +15,9 @@ a scan, this proof cannot overlook an unstable deformation between sampled defor
 stable counts as unstable.
 
 Tensile curves. The contribution mu_p alpha_p / 2 of each term to the initial shear modulus is kept non-negative, which
-is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without both
-restrictions the three terms are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484).
+is Hill's sufficient condition for stability. The exponents stay within the bounds of the search. Without these two
+restrictions, different sets of three terms can fit a curve equally well (Ogden, Saccomandi and Sgura 2004, Comput.
+Mech. 34:484).
 """
 
 from __future__ import annotations
@@ -53,9 +54,11 @@ _SERIES_PRODUCT = 2.0
 
 
 def _number_of_terms(nu2: float, z: float) -> int:
-    """Return the number of terms of a power series that have to be added for full precision, at most ten."""
-    # The series of g(c) = cosh(nu arccosh c) about c = 1. The number is also large enough for its second derivative.
-    # nu2 is the largest nu^2, and z the largest c - 1.
+    """Return how many terms of the series of cosh(nu arccosh c) in c - 1 give full precision, at most ten.
+
+    nu2: largest value of nu^2. z: largest value of c - 1.
+    """
+    # So many terms are also enough for the second derivative.
     z = min(z, _SERIES_TO, _SERIES_PRODUCT / nu2)
     term = 1.0
     for k in range(10):
@@ -185,8 +188,8 @@ class Ogden:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the stretch up to which each of P candidate laws is proved stable, (P,).
 
-        The result is infinity if mu_p alpha_p is negative for none of the three terms p, and 0 if the initial shear
-        modulus is not positive. For other laws, the proof examines deformations up to ``largest_stretch``
+        The result is 0 if the initial shear modulus is not positive, and infinity if it is positive and mu_p alpha_p is
+        negative for none of the three terms p. In all other cases, deformations up to ``largest_stretch`` are examined
         (`laws.stable_cells`), and the result is at most ``largest_stretch``.
         """
         alpha = parameters[:, 1::2]
@@ -200,7 +203,7 @@ class Ogden:
         return limit
 
     def fit_stress(self, strain: Array, stress: Array, weight: Array) -> StressFit:
-        """Fit the Ogden law to a tensile curve: search the exponents, with linear least squares for the moduli."""
+        """Fit the Ogden law to a tensile curve: the exponents by a search, the moduli by linear least squares."""
         return _least_squares(self, strain, stress, weight)
 
     def card(self, solver: str, p: Mapping[str, float], bulk: float) -> CardConstants:
@@ -251,10 +254,10 @@ class Ogden:
 
 
 def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
-    """Return the engineering stress of each of three Ogden terms at m strains, (m, 3), for a modulus of 1.
+    """Return the engineering stress of each of three Ogden terms at m strains, (m, 3), if mu_p alpha_p / 2 is 1.
 
-    The modulus of a term is its contribution mu_p alpha_p / 2 to the initial shear modulus. exponents: the three
-    exponents alpha_p. strain: engineering strains (m,).
+    mu_p and alpha_p are the modulus and the exponent of term p; mu_p alpha_p / 2 is its contribution to the initial
+    shear modulus. exponents: the three alpha_p. strain: engineering strains (m,).
     """
     parameters = np.zeros((3, 6))
     parameters[:, 1::2] = exponents
@@ -263,7 +266,11 @@ def _stress_of_terms(law: Law, exponents: Array, strain: Array) -> Array:
 
 
 def _least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit the Ogden law: search the exponents from several starts, with least squares for non-negative moduli."""
+    """Fit the Ogden law to a tensile curve: search the exponents alpha_p within their bounds, from several starts.
+
+    For each choice of exponents, least squares gives the contributions mu_p alpha_p / 2 of the terms to the initial
+    shear modulus. None of them may be negative.
+    """
     lower = np.array([c.lower for c in law.coordinates[-3:]])
     upper = np.array([c.upper for c in law.coordinates[-3:]])
     target = weight * stress
@@ -301,10 +308,11 @@ def _with_intervals(
 ) -> StressFit:
     """Return the tensile fit of the Ogden law with its 95 % intervals.
 
-    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 to the initial shear
-    modulus. Each exponent has a normal prior with the variance of a uniform distribution between its bounds
-    (``ranges``). The data do not determine the exponent of a term without a contribution. The interval of the modulus
-    of such a term extends from zero to the largest modulus that could not be detected in the noise.
+    The stress is linearised in the exponents alpha_p and in the contributions mu_p alpha_p / 2 of the terms to the
+    initial shear modulus. Each exponent has a normal prior with the variance of a uniform distribution between its
+    bounds (``ranges``). If the fit gives the contribution zero to a term, the data do not determine its exponent, and
+    the interval of the exponent is the range between the bounds. The interval of the modulus mu_p of this term extends
+    from zero to the largest value whose effect on the curve cannot be distinguished from the noise.
     """
     exponents = parameters[1::2]
     shares = 0.5 * parameters[0::2] * exponents

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prony:
-    """A Prony series with n terms, or one series for each of several candidate laws along leading axes.
+    """A Prony series with n terms, or several such series (one for each candidate law) along the leading axes.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ class Prony:
         return np.asarray(1 + np.sum(shares * np.expm1(rates * time_s) / rates, axis=-1))
 
     def complex_ratio(self, s: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return the complex modulus mu*(s) divided by mu_0, for complex rates s (..., m) in 1/s, in the shape of s.
+        """Return the complex modulus mu*(s) for motions proportional to exp(s t), divided by the instantaneous modulus.
 
-        Here mu_0 is the instantaneous modulus. For a single series, s may be a single rate with shape ().
+        s: complex rates (..., m) in 1/s; for a single series also one rate, (). The result has the shape of s.
         """
         axes = min(np.ndim(s), 1)
         rate = np.asarray(s, complex)[..., None]

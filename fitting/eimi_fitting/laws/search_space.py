@@ -63,9 +63,9 @@ class SearchSpace:
         return replace(self, names=names, lower=(*self.lower, low), upper=(*self.upper, high))
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli at P points (P, m) of the unit cube, (P,) in Pa; None if K is not a coordinate.
+        """Return the bulk modulus in Pa at each of P points of the unit cube, (P,); None if it is not a coordinate.
 
-        The search has m coordinates from 0 to 1, and K is the bulk modulus.
+        ``unit`` has the m coordinates of each point, from 0 to 1, (P, m).
         """
         if not self.has_bulk:
             return None
@@ -75,9 +75,8 @@ class SearchSpace:
     def _shear_modulus(self, x: Array) -> Array:
         """Return the initial shear modulus mu in Pa of each of P candidate laws, (P,).
 
-        ``x`` has the m physical coordinates of each candidate (the quantities in ``names``), (P, m). The first
-        coordinate is mu, unless the bulk modulus K is a coordinate. Then the first coordinate is a quarter of E / (1 -
-        nu^2), with Young's modulus E and Poisson's ratio nu, and mu is computed from it and from K/mu.
+        ``x`` has the m physical coordinates of each candidate, (P, m): mu first or, if the bulk modulus K is a
+        coordinate, a quarter of E / (1 - nu^2) first and log10(K/mu) last. E is Young's modulus and nu Poisson's ratio.
         """
         if not self.has_bulk:
             return x[:, 0]

@@ -9,8 +9,9 @@ A law is stable up to the stretch L if it is stable at every isochoric deformati
 L. In the space of logarithmic stretches these deformations form a triangle. The corners of the triangle are equibiaxial
 tension, and the middles of its sides are uniaxial tension, both with the largest stretch L.
 
-`Law.drucker_limit` returns the largest such L. The limit is computed in closed form if the law permits it, by a proof
-over cells of stretches for Ogden's law, and otherwise by a scan of the triangle.
+`Law.drucker_limit` returns the largest such L. For Neo-Hookean, Mooney-Rivlin and Yeoh laws it is computed in closed
+form. For Ogden's law the triangle is divided into cells, and each cell is proved to contain stable deformations only
+(`laws.stable_cells`). For other laws, deformations in the triangle are sampled.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
 
 
 def _is_stable_at(law: Law, parameters: Array, largest: Array) -> NDArray[np.bool_]:
-    """Return whether each of P candidate laws is stable in all tested deformations with a given largest stretch, (P,).
+    """Return whether each of P candidate laws is stable in 61 sampled deformations with a given largest stretch, (P,).
 
     largest: the logarithm of this stretch for each candidate law, (P,).
     """
@@ -153,8 +154,8 @@ def smallest_positive_root(coefficients: Array) -> Array:
     Returns
     -------
     Array
-        (P,) roots: infinity if the polynomial has no positive root. 0 if its constant term is not positive, because
-        the law is then unstable from the start.
+        (P,) roots: infinity if the polynomial has no positive root, and 0 if its constant term is not positive, because
+        the law is then unstable at rest.
     """
     p, m = len(coefficients), coefficients.shape[1] - 1
     size = np.abs(coefficients).max(axis=1, initial=0.0)

@@ -1,8 +1,8 @@
-"""Proof of Drucker stability for all deformations of a cell at once, for a strain energy with a diagonal Hessian.
+"""Prove that a law is stable (Drucker) in whole ranges of deformations, if its Hessian is diagonal.
 
-`laws.stability` defines Drucker's criterion, and the triangle of deformations that is examined. The triangle is divided
-into cells. For a strain energy such as Ogden's, the Hessian by the three logarithmic stretches e_i is diagonal with the
-entries f(e_i), where f(e) is the sum over p of weight_p exp(alpha_p e). In a cell, each e_i lies in an interval. If the
+The Hessian is that of the strain energy by the three logarithmic principal stretches e_i. For a law such as Ogden's it
+is diagonal with the entries f(e_i), where f(e) is the sum of terms weight exp(alpha e). The triangle of deformations
+that is examined (`laws.stability`) is divided into cells. In a cell, each e_i lies in an interval. If Drucker's
 criterion is fulfilled even with the lower bounds of f on the three intervals, all deformations of the cell are stable.
 """
 
@@ -26,15 +26,16 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
     equibiaxial tension. All deformations together form a rectangle of the plane (l, s), which is divided into smaller
     rectangles, the cells.
 
-    A criterion shows that the law is stable in a whole cell. If the criterion fails, the cell is divided into four
-    smaller cells, at most 16 times. A cell is not examined if the law is known to be unstable at a smaller l. In the
-    end, the criterion has failed in some of the smallest cells, and the smallest l in these cells is the result.
+    A sufficient criterion can show that the law is stable in a whole cell. If it does not show this, the cell is
+    divided into four smaller cells, at most 16 times. A cell is not examined if the law is known to be unstable at a
+    smaller l. The result is the smallest l in the cells that the criterion does not show to be stable.
 
     Parameters
     ----------
     weight, alpha
-        (P, 3) weights and exponents for P candidate laws. An entry of the Hessian of the strain energy by the
-        logarithmic stretches e is f(e), the sum of three terms weight exp(alpha e).
+        (P, 3) weights and exponents of the three terms of P candidate laws. The Hessian of the strain energy by the
+        logarithms e_1, e_2, e_3 of the principal stretches is diagonal with the entries f(e_1), f(e_2), f(e_3), where
+        f(e) is the sum of weight exp(alpha e) over the three terms.
     log_stretch
         (P,) logarithm of the largest stretch to examine.
 
@@ -75,13 +76,13 @@ def proved_stable(weight: Array, alpha: Array, log_stretch: Array) -> Array:
 
 
 def _lower_bound(weight: Array, alpha: Array, start: Array, end: Array) -> Array:
-    """Return a number that f(e) does not fall below for e between ``start`` and ``end``, for n intervals, (n,).
+    """Return a lower bound of f(e), the sum of weight exp(alpha e) over the terms, on each of n intervals, (n,).
 
-    f(e) is the sum of the terms weight exp(alpha e), an entry of the Hessian of the strain energy. A term with a
-    positive weight is convex and lies above its tangent. A term with a negative weight is concave and lies above its
-    chord. f therefore lies above the sum of these straight lines, which is smallest at one end of the interval. A
-    second bound is the sum of the smallest values of the terms. The larger of the two bounds is returned.
+    The intervals extend from ``start`` to ``end``, (n,).
     """
+    # A term with a positive weight is convex and lies above its tangent. A term with a negative weight is concave and
+    # lies above its chord. f therefore lies above the sum of these straight lines, which is smallest at one end of the
+    # interval. A second bound is the sum of the smallest values of the terms.
     start, end = start[..., None], end[..., None]
     first, last = weight * np.exp(alpha * start), weight * np.exp(alpha * end)
     tangent, slope = weight * np.exp(0.5 * alpha * (start + end)), 0.5 * alpha * (end - start)

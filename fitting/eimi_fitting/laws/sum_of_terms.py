@@ -135,7 +135,7 @@ class _Invariants(InvariantEnergy):
     needs_second = True
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W(x, y), and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+        """Return the strain energy W(x, y) and its derivatives dW/dx, dW/dy and d²W/dx².
 
         x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2.
         """
@@ -256,11 +256,12 @@ class SumOfTerms:
         return [i for i, term in enumerate(self.terms) if term.kind == "ogden"]
 
     def _ogden_parameters(self, parameters: Array) -> list[Array]:
-        """Return the Ogden terms of this law as parameters of several laws of the class `Ogden`, (..., 6) each.
+        """Return the Ogden terms of this law as parameters of laws of the class `Ogden`, (..., 6) for each law.
 
-        The energy of the Ogden terms is the sum of the energies of these laws. Each of them has three terms, so that
-        one is needed for every three terms of this law; a term that is left over has the modulus zero. A term of this
-        law with the coefficient mu and the exponent alpha has the modulus mu_p = 2 mu/alpha in `Ogden`.
+        The sum of the energies of these laws is the energy of the Ogden terms. A law of the class `Ogden` has three
+        terms. If the number of Ogden terms of this law is not a multiple of three, the last law also has terms with the
+        modulus zero. A term of this law with the coefficient mu and the exponent alpha has the modulus mu_p = 2
+        mu/alpha in `Ogden`.
         """
         laws = []
         for first in range(0, len(self._ogden), 3):
@@ -294,9 +295,9 @@ class SumOfTerms:
     def drucker_limit(self, parameters: Array, largest_stretch: Array) -> Array:
         """Return the largest stable stretch of each of P candidate laws, (P,).
 
-        The result is infinity if no coefficient is negative. Otherwise deformations up to ``largest_stretch`` are
-        sampled (`laws.stability`). The result is then the smallest stretch at which a sampled deformation is unstable;
-        it is infinity if there is no such deformation.
+        The result is infinity if no coefficient is negative and the initial shear modulus is positive. Otherwise
+        deformations up to ``largest_stretch`` are sampled (`laws.stability`). The result is then the smallest stretch
+        at which a sampled deformation is unstable; it is infinity if there is no such deformation.
         """
         stable = (parameters >= 0).all(axis=1) & (self.initial_shear_modulus(parameters) > 0)
         limit = np.full(len(parameters), np.inf)

@@ -36,7 +36,7 @@ _STEP = 1e-5  # step of a central difference, relative to the range of the coord
 
 @dataclass(frozen=True)
 class TensileFit:
-    """A law with n parameters, fitted to one window of strains of a tensile curve.
+    """A law with n parameters, fitted to a tensile curve up to a largest strain.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ class TensileFit:
     rmse_Pa
         Root mean square error of the engineering stress over the rows that were used.
     rows, rows_left_out
-        Number of rows of the curve that were used, and number of rows in the window of strains that were left out. Only
-        a fit of relative residuals leaves out rows: those whose stress is not positive.
+        Number of rows of the curve that were used, and number of rows that were left out although their strain is small
+        enough. Only a fit of relative residuals leaves out rows: those whose stress is not positive.
     max_strain
         Largest engineering strain among the rows that were used.
     correlation_rows
@@ -128,7 +128,7 @@ def fit_tensile(
     strain, stress_Pa
         (m,) engineering strains, and engineering stresses in Pa.
     largest_strain
-        End of the window of strains. Rows with a larger strain are ignored.
+        Rows with a larger strain are ignored.
     relative
         Divide each residual by the measured stress, and leave out rows whose stress is not positive.
 
@@ -140,8 +140,8 @@ def fit_tensile(
     Raises
     ------
     CannotFit
-        If the number of rows in the window does not exceed the number of parameters, or if the law cannot produce the
-        measured stresses.
+        If the number of usable rows does not exceed the number of parameters, or if the law cannot produce the measured
+        stresses.
 
     Examples
     --------
@@ -204,10 +204,10 @@ def linear_least_squares(law: Law, strain: Array, stress: Array, weight: Array) 
 
 
 def bounded_least_squares(law: Law, strain: Array, stress: Array, weight: Array) -> StressFit:
-    """Fit any law to a tensile curve: the ratios are searched, and the modulus follows for given ratios.
+    """Fit any law to a tensile curve: a search varies dimensionless ratios, and least squares gives the modulus.
 
     See `Law.fit_stress`. The ratios are the dimensionless coordinates of the law, which have bounds. The stress is
-    proportional to the modulus, so that linear least squares gives the best modulus for given ratios.
+    proportional to the modulus, so that linear least squares gives the modulus for each choice of the ratios.
 
     The 95 % intervals take the bounds into account. The bounds of a ratio act as a normal prior with the variance of a
     uniform distribution between them, and the interval of the ratio does not extend beyond them. A dimensionless
@@ -257,7 +257,7 @@ def _with_intervals(
     Parameters
     ----------
     x : ndarray, shape (m,)
-        The best coordinates: the initial shear modulus, then the dimensionless ratios (`Law.coordinates`).
+        The fitted coordinates: the initial shear modulus, then the dimensionless ratios (`Law.coordinates`).
     curve : callable
         Function that returns the weighted stress at given coordinates.
     residual : ndarray

@@ -36,15 +36,14 @@ Array = NDArray[np.float64]
 
 
 def _stability_polynomial() -> Array:
-    """Return the polynomial that decides the stability of the law, as coefficients of shape (10, 3).
+    """Return the coefficients of the polynomial whose smallest positive root gives the stability limit, (10, 3).
 
-    Its smallest positive root gives the stability limit. W' and W'' are the first two derivatives of the strain energy
-    W by the invariant I1. The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension, where q is the square
-    of the two equal stretches. It is a polynomial in q - 1, and linear in the parameters C10, C20 and C30. Row k of the
-    result belongs to the power k of q - 1, and each column to one parameter. The powers of q follow from
-
-        I1 - 3 = X/q^2,    X = 2 q^3 - 3 q^2 + 1,    I2 = (q^3 + 2)/q,    I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
+    The polynomial is q^5 (W' I2 + W'' (I1 I2 - 9)) in equibiaxial tension. q is the square of the two equal stretches,
+    and W' and W'' are the first two derivatives of the strain energy W by the invariant I1. The polynomial has the
+    variable q - 1 and is linear in the parameters of the law. Row k of the result contains the coefficients of (q -
+    1)^k, and the three columns are the factors of C10, C20 and C30.
     """
+    # With X = x(q) below: I1 - 3 = X/q^2, I2 = (q^3 + 2)/q and I1 I2 - 9 = 2 (q^3 - 1)^2/q^3.
     q = Polynomial([1.0, 1.0])
     x = 2 * q**3 - 3 * q**2 + 1
     second, growth = q**3 + 2, 2 * (q**3 - 1) ** 2
@@ -85,9 +84,9 @@ class Yeoh(InvariantLaw):
         return 2 * parameters[..., 0]
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return W = C10 x + C20 x^2 + C30 x^3, and dW/dx, dW/dy and d²W/dx², the coefficients of the chain rule.
+        """Return the strain energy W = C10 x + C20 x^2 + C30 x^3 and its derivatives dW/dx, dW/dy and d²W/dx².
 
-        x = I1 - 3 and y = I2 - 3. The law does not depend on y.
+        x = I1 - 3 and y = I2 - 3, with the isochoric invariants I1 and I2. The law does not depend on y.
         """
         c10, c20, c30 = parameters[..., 0], parameters[..., 1], parameters[..., 2]
         return (
