@@ -1,15 +1,15 @@
-"""The data of a fit of a hyperelastic law (its evidence), the unknowns, the uncertain inputs, and the objective.
+"""Everything that a fit of a hyperelastic law compares: measured data, unknowns, uncertain inputs, and the objective.
 
-measurements      measured edges and tracked points, and the distance from simulated edges and points
-tensile_curves    tensile curves as evidence besides the edges
-experiment        one specimen with its loads and measurements, and the comparison of candidates with measurements
-sources           every input whose uncertainty a file may specify
+measurements      measured edges and tracked points, and their distances from the simulated beam
+tensile_curves    tensile curves that are fitted together with the edges
+experiment        one specimen with its loads and measurements, and the comparison of simulations with measurements
+sources           the inputs whose uncertainty a file may specify, such as the width of the specimen
 parameter_priors  normal priors on the law's parameters
-polarity          the uncertain inputs that a measurement in both polarities of the field determines
-unknowns          the parameters of a fit, and the uncertain inputs that it determines (freed nuisances)
-objective         the number that a fit minimises, computed from all the evidence
+polarity          the uncertain inputs that can be fitted if the field was measured in both directions
+unknowns          the unknowns of a fit: the parameters of the law and the uncertain inputs that are fitted with them
+objective         the quantity in mm that a fit minimises
 corrections       the change of the residuals by a finer mesh or a three-dimensional model
-_coarse           coarse meshes and fewer points of each edge for the search
-_quadratic        the minimum of a quadratic in the unit cube
-quantity          a number with its unit and intervals
+_coarse           coarse meshes and fewer points of each edge, for a fast first search
+_quadratic        the minimum of a quadratic function in the unit cube
+quantity          a value with its unit and intervals
 """

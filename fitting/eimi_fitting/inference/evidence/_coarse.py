@@ -1,7 +1,8 @@
-"""Reduce experiments to a coarse mesh (the default mesh of `BeamModel`) and few points of each edge, for the search.
+"""Reduce experiments to a coarse mesh of the beam and few points of each edge, for a fast first search.
 
-The search has to come only near the optimum, because Gauss-Newton follows. The coarse mesh changes the simulated edges
-by a few thousandths of a millimetre. The effect of the omitted points is smaller.
+The first search needs only a point near the optimum, because Gauss-Newton steps follow. The coarse mesh is the default
+mesh of `BeamModel`. It changes the simulated edges by a few thousandths of a millimetre, and the omitted points of the
+edges have a smaller effect.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ def on_coarse_mesh(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
 
 
 def coarsened(experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the experiments with a coarse finite-element mesh and fewer points of each edge, for a fast search."""
+    """Return the experiments with a coarse mesh of the beam and fewer points of each edge, for a fast first search."""
     return tuple(dataclasses.replace(e, observed=_thinned(e.observed)) for e in on_coarse_mesh(experiments))
 
 

@@ -1,4 +1,4 @@
-"""Minimise a quadratic function within the unit cube."""
+"""Compute the minimum of a quadratic function in the unit cube."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ Array = NDArray[np.float64]
 
 
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
-    """Return the step from a point to the minimum of a quadratic function within the unit cube.
+    """Return the step from a point in the unit cube to the smallest value of a quadratic function in this cube.
 
-    The step d minimises g' d + d' H d / 2, where g is the gradient and H the Hessian matrix.
+    The step d minimises g' d + d' H d / 2, where g is the gradient of the function at the point and H its Hessian.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The point; each of its n coordinates is from 0 to 1.
+        The point, with n coordinates from 0 to 1.
     gradient : ndarray, shape (n,)
-        The gradient g at the point.
+        The gradient g.
     hessian : ndarray, shape (n, n)
         The Hessian H, positive definite.
 

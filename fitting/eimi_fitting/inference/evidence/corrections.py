@@ -1,14 +1,14 @@
-"""Correct the residuals of a fit by a better beam model, which is solved at the optimum only.
+"""Correct the residuals of a fit by a more exact beam model, which is solved only at the optimum.
 
-Let r(x) be the residuals for the unknowns x, computed with the model that the search uses. R(x) are the residuals of
-the better model, and x_0 is the optimum of r. The fit is repeated with the residuals
+The search uses a fast beam model, with the residuals r(x) for the unknowns x and the optimum x_0. A more exact model
+has the residuals R(x). The fit is repeated with the residuals
 
     r(x) + R(x_0) - r(x_0)
 
-(deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R. The computation
-costs little more than one candidate on the better model. The changes R - r of several better models are added. The
-better models are not exact, either. Their error is estimated as a share of the change of the optimum by the correction.
-The interval of the fit contains this error as a normal error, with the estimate as its 95 % bound.
+(deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R, although the
+more exact model is solved only for x_0. If there are several more exact models, their changes R - r are added. These
+models have an error, too. It is estimated as a share of the change of the optimum by the correction. The interval of
+the fit contains this error as a normal error, with the estimate as its 95 % bound.
 
 The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
 the displacement at the distance d from the corner grows as d^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
@@ -17,13 +17,14 @@ element size h, for elements of any order; 1.19 is twice the exponent. Halving h
 error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,
 Verification and Validation in Computational Science and Engineering, section 5.5).
 
-The solid section. The model of the search is in plane stress. The better model is a three-dimensional solid. In the
-solid, the clamp and the magnet restrain the cross-section, and the cross-section bows. If the magnet is shallower than
-the beam, the silicone in front of the magnet and behind the magnet is soft. These effects change the modulus by some
-per cent and the edges by tens of micrometres, which no planar model reproduces. The change of the residuals is much
-larger than the noise. It is therefore computed again at each new optimum, until the modulus hardly changes. The
-correction for a finer planar mesh is not added, because the stress at the corner of the clamp is different in a solid.
-The mesh of the solid is fine enough: the moduli from solids of 20 x 2 and of 36 x 4 elements differ by less than 0.1 %.
+The three-dimensional model. The fast model assumes plane stress. In a beam of finite depth, the clamp and the magnet
+prevent the lateral contraction of the cross-section near them, and a bent cross-section curves across its width and
+depth. If the depth of the magnet is smaller than the depth of the beam, silicone covers the magnet in the direction of
+the depth and deforms there. These effects change the modulus by some per cent and the edges by tens of micrometres,
+much more than the noise, and no planar model contains them. The correction is therefore computed again at each new
+optimum, until the modulus hardly changes. The correction for a finer planar mesh is not added, because the stress at
+the corner of the clamp is different in a three-dimensional model. The mesh of the three-dimensional model is fine
+enough: meshes of 20 x 2 and of 36 x 4 elements give moduli that differ by less than 0.1 %.
 """
 
 from __future__ import annotations
@@ -49,18 +50,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A better beam model for an experiment: a finer planar mesh or a three-dimensional model.
+    """A way to simulate an experiment more exactly: with a finer planar mesh or with a three-dimensional model.
 
     Parameters
     ----------
     name : str
-        Name of the better model in a result.
+        Name of the more exact model in a result.
     better : callable
-        Takes an experiment and returns the experiment with the better model.
+        Takes an experiment and returns the experiment with the more exact model.
     remaining_share : float
-        Estimated error of the parameters with the better model, as a share of their change by this model.
+        Estimated error of the more exact model. It is the error of the fitted parameters divided by their change from
+        the fast to the more exact model.
     doubt : str
-        Text of the warning about a fit for which the better model finds no equilibrium.
+        Text of the warning about a fit for which the solver of the more exact model finds no equilibrium.
     """
 
     name: str
@@ -86,7 +88,7 @@ FINER_MESH = Refinement(
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the three-dimensional model of a specimen together with its planar model."""
+    """Return the three-dimensional model of a specimen, which also contains a planar model of the same specimen."""
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -97,7 +99,10 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar beam model for the final steps of a fit, after the first search."""
+    """Return the experiment with the planar mesh that the Gauss-Newton steps at the end of a fit use.
+
+    For a solid section, this is the planar mesh that belongs to the three-dimensional model.
+    """
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -127,22 +132,22 @@ def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of a fit (measured minus simulated positions) by a better beam model.
+    """The change of the residuals of a fit (measured minus simulated positions) by a more exact beam model.
 
     Parameters
     ----------
     refinement : Refinement
-        The better beam model: a finer mesh or a three-dimensional model.
+        The more exact beam model: a finer planar mesh or a three-dimensional model.
     changes : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals of the better model minus those of the earlier model, in mm: K load cases, G
-        groups of points (two edges, or x and y) and m points.
+        For each experiment, the residuals of the more exact model minus the residuals of the fast model, in mm. There
+        are K load cases, G groups of points (the two edges, or x and y of tracked points) and m points.
     better : Comparison
-        Comparison of the better model with the measurements.
+        The residuals of the more exact model, with its simulated shapes of the beam.
     models : tuple of Model
-        The better model of each experiment.
+        The more exact model of each experiment.
     effects : tuple of DepthEffect or None
         For each experiment, the displacements of the three-dimensional model minus those of the planar model. None if
-        the better model is planar.
+        the more exact model is planar.
     """
 
     refinement: Refinement
@@ -152,11 +157,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return this correction without the simulated shapes of the beam, which need much memory."""
+        """Return this correction without the simulated shapes of the beam, to save memory."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with this change of their residuals (in mm), added to earlier changes."""
+        """Return the experiments with this change added to the corrections of their residuals."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -166,16 +171,19 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments with a correction that reproduces the residuals of a better beam model.
+    """Return the experiments, corrected so that the present beam model gives the residuals of a more exact one.
+
+    A residual is the measured minus the simulated position. Simulations of the corrected experiments with the present
+    model and the parameters of ``here`` have the residuals of ``better``.
 
     Parameters
     ----------
     better : Comparison
-        Comparison of the better model with the measurements.
+        Residuals of the more exact model.
     experiments : sequence of Experiment
-        The experiments.
+        The experiments, with their earlier corrections.
     here : Comparison
-        Comparison of the present model, with its earlier corrections, for the same parameters of the law.
+        Residuals of the present model, with the earlier corrections, for the same parameters of the law.
 
     Returns
     -------
@@ -196,18 +204,18 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """Compute the change of the residuals (measured minus simulated positions) by a better beam model.
+    """Compute the change of the residuals (measured minus simulated positions) by a more exact beam model.
 
     Parameters
     ----------
     refinement : Refinement
-        The better model: a finer mesh or a three-dimensional model.
+        The more exact model: a finer planar mesh or a three-dimensional model.
     experiments : sequence of Experiment
-        The experiments.
+        The experiments, with the present model.
     here : Comparison
-        Comparison of the present model with the measurements. Only its first set of parameters is used.
+        Residuals of the present model. Only its first set of parameters is used.
     compare : callable
-        Takes experiments and returns their comparison with the measurements for the same parameters.
+        Takes experiments, simulates them with the first set of parameters of ``here``, and returns their `Comparison`.
     near : sequence of Correction
         Corrections for similar parameters, from which the solver of a three-dimensional model starts.
     options : SolidOptions, optional
@@ -216,7 +224,7 @@ def correction(
     Returns
     -------
     Correction or None
-        The correction; None if one of the models finds no equilibrium.
+        The correction; None if the solver finds no equilibrium with the present or with the more exact model.
     """
     options = options or SolidOptions()
     refined = [refinement.better(e) for e in experiments]
@@ -245,16 +253,16 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate one experiment with a better beam model: a finer mesh or a three-dimensional model.
+    """Simulate one experiment with a more exact beam model: a finer planar mesh or a three-dimensional model.
 
     Parameters
     ----------
     experiment : Experiment
-        The experiment.
+        The experiment, with the present model.
     here : Comparison
-        Comparison of the present model with the measurements. Only its first set of parameters is used.
+        Residuals of the present model. Only its first set of parameters is used.
     compare : callable
-        Takes experiments and returns their comparison with the measurements for the same parameters.
+        Takes experiments, simulates them with the first set of parameters of ``here``, and returns their `Comparison`.
     near : sequence of Correction
         Corrections for similar parameters, from which the solver of a three-dimensional model starts.
     options : SolidOptions, optional
@@ -263,11 +271,12 @@ def by_better_model(
     Returns
     -------
     tuple or None
-        The residuals of the better model, the edges of the beam, and the correction. The edges have the shape
-        (K, 2, S, 3, 2): K load cases, two edges, S quadratic segments, three points, x and y in mm.
+        The residuals of the more exact model, the simulated edges of the beam, and the correction. The edges have the
+        shape (K, 2, S, 3, 2): K load cases, two edges, S quadratic segments, three points, x and y in mm.
 
-        If a finer mesh finds no equilibrium, the residuals and edges of the present mesh are returned, with None as
-        correction. If a three-dimensional model or the present model finds no equilibrium, the result is None.
+        If the solver finds no equilibrium on a finer mesh, the residuals and edges of the present mesh are returned,
+        with None as correction. If it finds none with a three-dimensional model or with the present model, the result
+        is None.
     """
     if here.unconverged[0]:
         return None

@@ -1,4 +1,4 @@
-"""Describe an experiment with loads and measurements, and compare candidate laws with the measurements."""
+"""Describe an experiment with its loads and measurements, and compare simulations with different laws with it."""
 
 from __future__ import annotations
 
@@ -32,29 +32,30 @@ TOLERANCE_MM = (
 
 @dataclass(frozen=True)
 class Experiment:
-    """One specimen under K load cases (states), with the measurements of each load case.
+    """One specimen under K load cases, with the measurements of each load case.
 
     Parameters
     ----------
     model : BeamModel
         The planar model of the specimen.
     loads : Loads
-        The loads of the K states.
+        The loads of the K load cases.
     observed : EdgeObservation or PointObservation
-        The measured edges or tracked points of the K states.
+        The measured edges or tracked points in the K load cases.
     change : ndarray, shape (K, G, m), optional
-        Correction by a better beam model, in mm, for m points in each of G groups (edges, or x and y). It is added to
-        the residuals (measured minus simulated positions).
+        Correction in mm for the error of ``model``, which is added to the residuals (measured minus simulated
+        positions). There are m points in each of G groups: the two edges, or x and y of tracked points.
     solid : SolidBeside, optional
         The three-dimensional model that is solved instead of ``model``.
     solid_options : SolidOptions, optional
         Options of the solver of the three-dimensional model.
     stated : tuple of StatedSource
-        The standard uncertainties of the inputs that the files specify.
+        The standard uncertainties of inputs, such as the width of the specimen, as the files specify them.
     measured : mapping of str to tuple of float
-        Measured deviations of the specimen from its specified values, which ``model`` already contains. Each key is the
-        name of an input, such as "taper", and each value has the numbers of this input in its unit. For "taper" one
-        more number follows: the width at both ends minus the width in the middle, in mm.
+        Measured deviations of the specimen from its specified dimensions, which ``model`` already contains. A key is
+        the name of an input, such as "rest-shape", and its value has one deviation for each component of this input, in
+        the unit of the input. For "taper" a second value follows: the width at both ends minus the width in the middle,
+        in mm.
 
     Examples
     --------
@@ -81,11 +82,11 @@ class Experiment:
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The beam model that is solved: the three-dimensional model if there is one, else the planar model."""
+        """The beam model that the solver uses: the three-dimensional model if there is one, else the planar model."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
-        """Return the experiment with only the load cases of the given indices."""
+        """Return the experiment with only the load cases whose indices are ``states``."""
         return replace(
             self,
             loads=self.loads.take(states),
@@ -94,9 +95,10 @@ class Experiment:
         )
 
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Replace the correction of ``before`` in the residuals by the correction of this experiment.
+        """Return residuals of the experiment ``before``, with the correction of this experiment instead of its own.
 
-        A correction is the change of the residuals (in mm) by a better beam model.
+        The experiments differ only in their corrections. A correction is the change of the residuals (measured minus
+        simulated positions, in mm) by a more exact beam model.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
@@ -104,19 +106,19 @@ class Experiment:
         return self.observed.of_residuals(misfit.residuals + difference)
 
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
-        """Return the experiment with changed inputs, such as another width or another coil constant.
+        """Return the experiment with changed inputs, such as another width or another direction of gravity.
 
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            For each changed input, such as "width", the deviation of each of its numbers from the specified value, in
-            the unit of the input. Inputs that change only the strength of the field or the position of the picture have
-            no effect here.
+            For each changed input, such as "width", its deviation from the specified value in the unit of the input. An
+            input with several components, such as x and y, has one deviation for each. An input that changes only the
+            strength of the field or the image of the beam has no effect here; `Setup` contains its effect.
 
         Returns
         -------
         Experiment
-            The experiment with changed specimen, loads and lens.
+            The experiment with changed specimen, loads and view of the camera. Tracked points move with the specimen.
         """
         if not deviations:
             return self
@@ -156,25 +158,25 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Comparison of P simulations with the measurements of all experiments.
+    """Residuals and other results of P simulations of all experiments.
 
-    Each simulation uses another set of parameters of the law (a candidate). Its uncertain inputs, such as the width of
-    the specimen, may be different too.
+    Each simulation uses another set of parameters of the law. It may also use other values of uncertain inputs, such as
+    the width of the specimen.
 
     Parameters
     ----------
     unconverged : ndarray of bool, shape (P,)
         Whether the solver finds no equilibrium in at least one load case.
     unstable : ndarray of bool, shape (P,)
-        Whether there is an equilibrium in all load cases, but the law is unstable in at least one of them.
+        Whether the solver finds an equilibrium in all load cases, but the material is unstable in at least one of them.
     max_stretch : ndarray, shape (P,)
         Largest stretch in the beam over all load cases.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if the candidates differ in the specimen or in the loads.
+        Simulated shapes of the beam in each experiment. Empty if specimen or loads differ among the simulations.
     misfits : tuple of Misfit
         Distances of measured from simulated points in each experiment.
     near : tuple of Shapes
-        Shapes in each experiment from which the solver can start later, for similar parameters.
+        Shapes in each experiment from which the solver can start for similar parameters.
     """
 
     unconverged: NDArray[np.bool_]
@@ -188,28 +190,28 @@ class Comparison:
     def error_mm(self) -> Array:
         """Root mean square distance of measured from simulated points in mm, shape (P, K).
 
-        There are P sets of parameters and K load cases.
+        There are P simulations with K load cases.
         """
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the distances of measured from simulated points in mm, shape (P, K).
+        """Standard deviation of the absolute distances of measured from simulated points in mm, shape (P, K).
 
-        There are P sets of parameters and K load cases.
+        There are P simulations with K load cases.
         """
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Root mean square distance of measured from simulated points in mm, averaged over all load cases, shape (P,).
+        """Mean over all load cases of the root mean square distance of measured from simulated points, in mm, (P,).
 
-        It is a very large number for a set of parameters without an equilibrium or with an unstable law.
+        It is 10^6 mm for a simulation without an equilibrium or with an unstable material.
         """
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
-        """Return the comparison with the measurements for only the sets of parameters with the indices ``rows``."""
+        """Return only the simulations with the indices ``rows``."""
         return Comparison(
             unconverged=self.unconverged[rows],
             unstable=self.unstable[rows],
@@ -221,17 +223,18 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Join the comparisons of several groups of candidates (sets of parameters) into one comparison.
+    """Join the results of several groups of simulations.
 
     Parameters
     ----------
     parts : sequence of (ndarray, Comparison)
-        For each group, the indices of its candidates among all candidates, and the comparison of the group.
+        For each group, the indices of its simulations among all simulations, and their results.
 
     Returns
     -------
     Comparison
-        All candidates in the order of their indices. The shapes are omitted if there are several groups.
+        The results of all simulations in the order of their indices. The shapes of the beam are omitted if there are
+        several groups.
     """
     if len(parts) == 1:
         return parts[0][1]
@@ -264,7 +267,7 @@ def compare(
     keep: bool = False,
     seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
-    """Simulate all experiments with several laws, and compute the distances between simulation and measurement.
+    """Simulate all experiments with several sets of parameters, and compute the distances from the measurements.
 
     Parameters
     ----------
@@ -277,20 +280,20 @@ def compare(
     bulk_modulus_Pa : ndarray, shape (P,), optional
         Bulk moduli in Pa; the material is incompressible by default.
     setups : sequence of Setup, optional
-        For each experiment, the factor on the field and the position of the picture; the specified values by default.
+        For each experiment, the errors of the strength of the field and of the camera for the P sets; none by default.
     near : sequence of Shapes
         For each experiment, shapes from an earlier call with ``keep``, from which the solver starts.
     keep : bool
-        Keep the full solution of the first set of parameters as a start for later calls.
+        Keep the full solution of the first set of parameters, from which the solver can start in another call.
     seen : sequence of (ndarray, sequence of mapping), optional
-        Groups of parameter sets with the same lens. Each group has the indices of its sets, and one mapping for each
-        experiment from a property of the lens to its deviation from the specified value. By default all sets have the
-        specified lens.
+        Groups of parameter sets with the same position of the lens. Each group has the indices of its sets, and one
+        mapping for each experiment from a property of the lens to its deviation from the specified value. By default
+        the lens has its specified position in all sets.
 
     Returns
     -------
     Comparison
-        The comparison of the P sets of parameters.
+        The results of the P simulations.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)

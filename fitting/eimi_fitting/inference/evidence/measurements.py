@@ -1,19 +1,19 @@
 """Compute the distances of measured edges and tracked points from simulated edges and points.
 
-Let d_ki be the distance in mm of the measured point i of state k from the simulated edge on the same side of the beam.
-For a tracked point, d_ki is its distance from its simulated position. Let N_k be the number of points of state k. Error
-and deviation of the state, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+In load case k, N_k points were measured. Let d_ki be the distance in mm of the measured point i from the simulated edge
+on the same side of the beam. For a tracked point, d_ki is its distance from its simulated position. Error and deviation
+of load case k, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
     error_k     = sqrt(sum_i d_ki^2 / N_k)
     deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
 
-The error of a fit is the mean of error_k over the states.
+The error of a fit is the mean of error_k over the load cases.
 
-The sign of a distance is the side of the edge on which the point lies. A measured point may lie beyond the end of its
-simulated edge, for example if the beam is a little longer than stated. Each edge is therefore continued straight beyond
-both ends by a twentieth of its length. Without the continuation, the distance would be measured from the end of the
-edge. It would then jump from positive to negative where the point changes from one side of the edge to the other. In
-one state, such a jump made the derivatives of the residuals about four times too large, and the interval of the modulus
+A distance from an edge is positive on the left side of the edge and negative on the right side. A measured point may
+lie beyond the end of its simulated edge, for example if the beam is a little longer than specified. Each edge is
+therefore continued straight beyond both ends by a twentieth of its length. Without the continuation, the distance would
+be measured from the end of the edge, and would jump from positive to negative between the two sides of the edge. In one
+load case, such a jump made the derivatives of the residuals about four times too large, and the interval of the modulus
 a third as wide as it should be.
 """
 
@@ -57,7 +57,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
     curves : ndarray, shape (..., S, 3, 2)
         Curves of S parabolic segments from clamp to tip. Each segment has three points, and each point x and y in mm.
     points : ndarray, shape (..., n, 2)
-        The n points beside each curve, each with x and y in mm.
+        n points for each curve, each with x and y in mm.
 
     Returns
     -------
@@ -91,7 +91,10 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return the vector that belongs to the segment of the curve nearest to each point, as its x and its y."""
+        """Return x and y of a vector that belongs to a segment, for the segment nearest to each point.
+
+        of_segment: one vector (x, y) for each segment of each curve, such as the tangent in its middle.
+        """
         # two arrays, because operations on an axis of length two are slower
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
@@ -102,7 +105,10 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def at(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each point to a place on the curve, and the tangent there: x and y of each."""
+        """Return the vector from each point to the curve at the parameter ``xi`` of its segment, and the tangent there.
+
+        The four arrays are x and y of the vector, then x and y of the tangent.
+        """
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
@@ -130,12 +136,15 @@ class Misfit:
     Parameters
     ----------
     residuals : ndarray, shape (P, K, G, n)
-        Residuals in mm of G groups of n points. The groups are left and right edge, or x and y of tracked points.
+        Signed residuals in mm of G groups of n points. The groups are the left and the right edge, or x and y of
+        tracked points.
     weights : ndarray, shape (K, G, n)
         Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each of x and y of a tracked
         point.
-    error_mm, deviation_mm : ndarray, shape (P, K)
-        Root mean square distance and standard deviation of the distances without sign, in mm.
+    error_mm : ndarray, shape (P, K)
+        Root mean square of the distances in mm.
+    deviation_mm : ndarray, shape (P, K)
+        Standard deviation of the absolute values of the distances in mm.
     """
 
     residuals: Array
@@ -144,7 +153,7 @@ class Misfit:
     deviation_mm: Array
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
-        """Return the distances of the measured points for only the sets of parameters with the indices ``rows``."""
+        """Return the distances for only the sets of parameters with the indices ``rows``."""
         return Misfit(self.residuals[rows], self.weights, self.error_mm[rows], self.deviation_mm[rows])
 
 
@@ -165,14 +174,15 @@ class EdgeObservation:
     Parameters
     ----------
     points_mm : ndarray, shape (K, 2, n, 2)
-        Positions of n points of the left and of the right edge, in mm in the beam frame.
+        Positions of n points of the left and of the right edge: x along and y across the straight beam, from the clamp,
+        in mm.
     sigma_mm : ndarray, shape (K, 2, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     view : View, optional
         Perspective of the lens. None if the lens is telecentric or if no file specifies its distance from the beam.
     noise_mm : ndarray, shape (K, 2, n), optional
-        Standard deviation of the noise of each point in mm, without the uncertainty that is added in ``sigma_mm`` for
-        defects of the picture.
+        Standard deviation of the noise of each point in mm. ``sigma_mm`` contains this noise and an uncertainty for
+        defects of the image.
 
     Examples
     --------
@@ -218,7 +228,7 @@ class EdgeObservation:
         return EdgeObservation(points, sigma, view)
 
     def of_states(self, states: NDArray[np.intp]) -> EdgeObservation:
-        """Return the measured edges of only the load cases with the given indices."""
+        """Return the measured edges in only the load cases whose indices are ``states``."""
         noise = None if self.noise_mm is None else self.noise_mm[states]
         return replace(self, points_mm=self.points_mm[states], sigma_mm=self.sigma_mm[states], noise_mm=noise)
 
@@ -230,16 +240,17 @@ class EdgeObservation:
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of the beam for P sets of parameters.
+            Simulated shapes of the beam for P sets of parameters and K load cases.
         setup : Setup, optional
-            Errors of the position of the picture for each set; none by default.
+            Errors of the camera for each set of parameters, which are removed from the measured points; none by
+            default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the distances in K load cases.
+            Correction in mm for the error of ``model``, which is added to the distances.
 
         Returns
         -------
         Misfit
-            The distances in mm, their root mean square and their standard deviation.
+            The distances in mm, their root mean square and the standard deviation of their absolute values.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -273,7 +284,8 @@ class PointObservation:
     Parameters
     ----------
     rest_mm, moved_mm : ndarray, shape (K, n, 2)
-        Positions of n points at rest (``rest_mm``) and under load (``moved_mm``), with x and y in mm in the beam frame.
+        Positions of n points at rest (``rest_mm``) and under load (``moved_mm``): x along and y across the straight
+        beam, from the clamp, in mm.
     sigma_mm : ndarray, shape (K, n)
         Standard uncertainty of each point in mm; infinite for a point that is not used.
     depth_mm : ndarray, shape (K, n), optional
@@ -297,7 +309,7 @@ class PointObservation:
     depth_mm: Array | None = None
 
     def of_states(self, states: NDArray[np.intp]) -> PointObservation:
-        """Return the tracked points of only the load cases with the given indices."""
+        """Return the tracked points in only the load cases whose indices are ``states``."""
         depth = None if self.depth_mm is None else self.depth_mm[states]
         return PointObservation(self.rest_mm[states], self.moved_mm[states], self.sigma_mm[states], depth)
 
@@ -309,11 +321,12 @@ class PointObservation:
         model : Model
             The beam model that was solved.
         shapes : Shapes
-            Shapes of the beam for P sets of parameters.
+            Simulated shapes of the beam for P sets of parameters and K load cases.
         setup : Setup, optional
-            Errors of the position of the picture for each set; none by default.
+            Errors of the camera for each set of parameters, which are removed from the measured points; none by
+            default.
         change : ndarray, shape (K, 2, n), optional
-            Correction by a better model in mm, which is added to the differences in K load cases.
+            Correction in mm for the error of ``model``, which is added to the differences.
 
         Returns
         -------
@@ -335,7 +348,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the given position differences (in mm) with the RMS and standard deviation of the distances."""
+        """Return position differences (in mm) with the root mean square and the standard deviation of the distances."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

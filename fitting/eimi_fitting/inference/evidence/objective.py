@@ -1,19 +1,18 @@
-"""Compute the objective of a fit: one number for each candidate law, from the evidence (edges, tensile curves, priors).
+"""Compute the objective of a fit: the quantity in mm that the fit minimises.
 
-Let e_k be the error of state k in mm (`inference.evidence.measurements`), and e the mean of e_k over all states. If
-edges or tracked points are the only evidence, the objective is e. Further evidence increases it:
+Let e_k be the error of load case k in mm (`inference.evidence.measurements`), and e the mean of e_k over all load
+cases. If only edges or tracked points are fitted, the objective is e. Tensile curves and priors increase it:
 
     objective = e * exp(sum_j z_j^2 / (2 N)).
 
-The z_j are the standardised residuals of tensile curves, of freed nuisances (uncertain inputs that the fit determines)
-and of priors on the law's parameters. N is the number of independent points of the edges. It is smaller than the number
-of points, because neighbours on an edge are correlated (`inference.interval.covariance`). The objective has the unit
-mm.
+The z_j are residuals divided by their standard deviations: of tensile curves, of uncertain inputs that are fitted with
+the law (such as the width), and of priors on the law's parameters. N is the number of independent points of the edges.
+It is smaller than the number of points, because neighbours on an edge are correlated (`inference.interval.covariance`).
 
 The formula follows from the likelihood. The likelihood of N independent points with normal noise, maximised over the
-noise level, is proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of the
-other evidence is exp(-sum_j z_j^2 / 2). The objective is the product of both to the power -1/N, and is smallest where
-the product is largest.
+noise level, is proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of
+tensile curves and priors is exp(-sum_j z_j^2 / 2). The objective is the product of these two likelihoods to the power
+-1/N, and is smallest where the product is largest.
 """
 
 from __future__ import annotations
@@ -39,20 +38,21 @@ _MOST_MM = 0.99 * DISCARDED_MM  # largest objective of a valid candidate
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Comparison of P sets of unknowns (candidates) of a fit with the edges, the tensile curves and the priors.
+    """Residuals of all data and priors of a fit, for P sets of values of the unknowns.
 
     Parameters
     ----------
     comparison : Comparison
-        Comparison with the measured edges and points.
+        Residuals of the measured edges and points.
     curves : ndarray, shape (P, m)
-        Residuals of the m rows of all tensile curves, each divided by its standard deviation.
+        Residuals of the m points of all tensile curves, each divided by its standard deviation.
     priors : ndarray, shape (P, f)
-        Deviations of the f inputs that are fitted too, such as the width, divided by their prior standard deviations.
+        Deviations of the f inputs that are fitted with the law, such as the width, from their specified values, divided
+        by their prior standard deviations.
     law_priors : ndarray, shape (P, q)
         Residuals of the q priors on the law's parameters, each divided by its standard deviation.
     independent_points : float
-        Number of independent points of the edges.
+        Number of independent points of the edges, which is the weight of the edges in the objective.
     """
 
     comparison: Comparison
@@ -63,12 +63,12 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam has no equilibrium in at least one load case, for each set of unknowns."""
+        """Whether the solver finds no equilibrium in at least one load case, for each set of unknowns, shape (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the law is unstable in at least one load case, for each set of unknowns."""
+        """Whether the material is unstable in at least one load case, for each set of unknowns, shape (P,)."""
         return self.comparison.unstable
 
     @property
@@ -78,7 +78,7 @@ class Evaluation:
 
     @property
     def objective_mm(self) -> Array:
-        """The number that a fit minimises, in mm, for each set of unknowns.
+        """The quantity in mm that a fit minimises, for each set of unknowns, shape (P,).
 
         It is the mean error of the edges or tracked points, increased by the residuals of tensile curves and priors.
         """
@@ -91,20 +91,25 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The same comparison with the data, without the priors on the law's parameters."""
+        """The same residuals without those of the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether tensile curves and priors contradict a set of unknowns so strongly that its objective is cut off.
+        """Whether the objective of each set of unknowns has its upper limit, 0.99 * 10^6 mm, shape (P,).
 
-        The objective is the number that a fit minimises.
+        This occurs if tensile curves and priors contradict the set very strongly.
         """
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals for least squares, in mm: of each experiment, and of the tensile curves and priors together."""
+        """The residuals whose weighted squares the Gauss-Newton steps of a fit minimise, in mm.
+
+        There is one element for each experiment, and one for tensile curves and priors if there are any. Their
+        residuals have no unit. They are multiplied by a length, so that their weight is about the same as in the
+        objective.
+        """
         standardised = self.standardised
         p, m = standardised.shape
         if m == 0:
@@ -122,7 +127,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Problem:
-    """The problem of a fit: a hyperelastic law, the unknowns, and the data with the priors.
+    """Everything that defines a fit: a hyperelastic law, the unknowns, the data and the priors.
 
     Parameters
     ----------
@@ -146,13 +151,14 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether the fit uses anything besides edges: fitted inputs (such as the width), tensile curves or priors."""
+        """Whether the fit uses tensile curves, priors, or uncertain inputs (such as the width) as unknowns."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Replace the corrections of the problem ``before`` in its residuals by the corrections of this problem.
+        """Return an evaluation of the problem ``before``, with the corrections of this problem instead of its own.
 
-        A correction is the change of the residuals (in mm) by a better beam model.
+        A correction is the change of the residuals (measured minus simulated positions, in mm) by a more exact beam
+        model. The problems differ only in their corrections, so that no new simulation is needed.
         """
         comparison = evaluation.comparison
         misfits = tuple(
@@ -164,7 +170,12 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return the function that compares unknowns with the data in the final (Gauss-Newton) steps of a fit."""
+        """Return a function that evaluates sets of unknowns from nearby solutions, for the Gauss-Newton steps of a fit.
+
+        The function takes P sets of the n unknowns (P, n) and an earlier evaluation or None. The solver starts from the
+        shapes of the beam in the earlier evaluation. ``independent_points`` is the number of independent edge points,
+        which is the weight of the edges against tensile curves and priors.
+        """
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
         )
@@ -177,12 +188,12 @@ class Problem:
         near: Sequence[Shapes] = (),
         keep: bool = False,
     ) -> Evaluation:
-        """Compare P sets of values of the unknowns (candidates) with the edges, the tensile curves and the priors.
+        """Return the residuals of all data and priors for P sets of values of the unknowns.
 
         Parameters
         ----------
         unit : ndarray, shape (P, s) or (P, n)
-            The unknowns of the P candidates, scaled to 0 to 1 within their bounds: all n of them, or only the s
+            P sets of values, scaled so that the bounds of the search are 0 and 1: all n unknowns, or only the s
             unknowns of the first search. In the second case uncertain inputs, such as the width, have their specified
             values.
         independent_points : float
@@ -190,14 +201,15 @@ class Problem:
         experiments : sequence of Experiment, optional
             Experiments that replace the experiments of the problem.
         near : sequence of Shapes
-            Shapes of an earlier evaluation on the same meshes with ``keep``, from which the solver starts.
+            For each experiment, shapes from an earlier call with ``keep`` and the same meshes, from which the solver
+            starts.
         keep : bool
-            Keep the full solution of the first candidate as a start for later evaluations.
+            Keep the full solution of the first set, from which the solver can start in another call.
 
         Returns
         -------
         Evaluation
-            The comparison of the P candidates with all the data.
+            The residuals.
         """
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)

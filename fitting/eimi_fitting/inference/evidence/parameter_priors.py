@@ -1,13 +1,13 @@
 """Normal priors on the parameters of a hyperelastic law.
 
 A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
-Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The noise of the edges determines
-how much the edges count against the prior.
+Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The smaller the noise of the edges,
+the less the prior changes the fit.
 
-A wrong input, such as a wrong width of the beam, also changes the modulus that the edges give. As long as the input
-keeps its stated value in the fit, the edges count as if it were exact. An input whose error may have a larger effect
-than the noise should therefore be freed, which means that the fit determines it together with the law. The prior then
-also helps to determine the input.
+A wrong input, such as a wrong width of the beam, changes the fitted modulus. If the input keeps its specified value in
+the fit, the edges have the same weight as for an exact input, and the prior cannot correct the error. An input whose
+error may have a larger effect than the noise should therefore be fitted together with the law. The prior then also
+helps to determine the input.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Prior:
             )
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return (p - mean) / standard_deviation for the parameter p of this prior, for each of P laws, shape (P,)."""
+        """Return (p - mean) / standard_deviation for the parameter p of this prior, for P sets of parameters, (P,)."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             values = law.initial_shear_modulus(parameters)
         else:
@@ -77,7 +77,7 @@ class Prior:
         return np.asarray((values - self.mean) / self.standard_deviation)
 
     def unit(self, law: Law) -> str:
-        """Return the unit of the prior's parameter: "Pa", or "1" for a plain number."""
+        """Return the unit of the prior's parameter: "Pa", or "1" for a parameter without a unit."""
         if self.parameter == INITIAL_SHEAR_MODULUS:
             return "Pa"
         return law.units[law.parameter_names.index(self.parameter)]

@@ -1,10 +1,9 @@
-"""Use a field in both polarities to separate the modulus from a tilted magnetisation and from a background field.
+"""Use a field in both directions to separate the modulus from a tilted magnetisation and from a background field.
 
-Two states with opposite currents of the same size have two deflections. Half of their difference is the odd part, and
-half of their sum the even part. The odd part is caused by the field of the coil, and the modulus follows from it. The
-even part does not change sign with the current. The direction of magnetisation and the background field follow from it.
-If both polarities were measured, a fit therefore also determines the direction of magnetisation and the background
-field.
+Two load cases with opposite currents of equal strength have two deflections. Half of the difference of the deflections
+is caused by the field of the coil, and the modulus follows from it. Half of the sum does not change sign with the
+current. The direction of magnetisation and the background field follow from it. If both directions were measured, a fit
+therefore also determines the direction of magnetisation and the background field.
 """
 
 from __future__ import annotations
@@ -30,20 +29,21 @@ def has_both_polarities(loads: Loads) -> bool:
 def freed_by_polarities(experiments: Sequence[Experiment], free: Sequence[NuisancePrior]) -> tuple[NuisancePrior, ...]:
     """Return the uncertain inputs that can be fitted because the field was measured in both directions.
 
-    An example is the background field.
+    An example is the background field: its effect does not change sign with the field of the coil.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The experiments of a fit.
     free : sequence of NuisancePrior
-        The inputs that the user fits already. These inputs are not returned.
+        The inputs that the user fits already. They are not returned.
 
     Returns
     -------
     tuple of NuisancePrior
         The inputs whose effect is the same in a reversed field, if every experiment specifies an uncertainty above 0
-        for them. This uncertainty is the prior standard deviation. Empty if an experiment has only one field direction.
+        for them. This uncertainty is the prior standard deviation. Empty if an experiment has only one direction of the
+        field.
     """
     if not all(has_both_polarities(experiment.loads) for experiment in experiments):
         return ()

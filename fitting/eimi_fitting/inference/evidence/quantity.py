@@ -1,4 +1,4 @@
-"""A quantity: a number with unit and 95 % intervals."""
+"""A value with its unit and 95 % intervals."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ NORMAL_95 = 1.959963984540054
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with unit and 95 % intervals.
+    """A value with its unit and 95 % intervals.
 
     Parameters
     ----------
     value : float
         The value.
     unit : str
-        Unit of the value, ``"1"`` for a plain number.
+        Unit of the value, ``"1"`` for a quantity without a unit.
     interval_95 : tuple of float
         Lower and upper end of the 95 % interval from noise, mesh and all specified uncertainties, in the same unit.
     interval_95_fit : tuple of float, optional

@@ -1,9 +1,9 @@
-"""The sources of uncertainty besides the edges: a registry with one entry for each input that may be uncertain.
+"""The inputs of a simulation that may be uncertain, such as the width of the specimen: one entry for each input.
 
-A source (an uncertain input) with a stated standard uncertainty is either considered or freed. A considered source
-widens the intervals by its effect on the estimate (`inference.interval.considered`). A freed source is one more unknown
-that the fit determines (`inference.evidence.unknowns`). The entries define keys in files, options of commands and words
-in reports.
+An input is a source of uncertainty if a file specifies a standard uncertainty for it. It then has one of two
+treatments. It is fitted together with the law as one more unknown (`inference.evidence.unknowns`), or it keeps its
+specified value and its uncertainty widens the intervals of the result (`inference.interval.considered`). The entries
+also define the keys in files, the options of commands and the names in reports.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ File = Literal["specimen", "calibration", "rig"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An input that may be uncertain, such as the width or the background field, and its effect on an experiment.
+    """An input of a simulation that may be uncertain, such as the width or the background field, and its effect.
 
-    An input has one or more numbers (parts), such as x and y. P is the number of parameter sets that are simulated.
+    An input has one or more components (parts), such as x and y. P simulations with different values are done at once.
 
     Parameters
     ----------
     words : str
-        Name of the input for people.
+        Name of the input in texts.
     parts : tuple of str
-        Names of the parts in a result.
+        Names of the components in a result.
     unit : str
-        Unit of all parts; ``"1"`` for a share of the specified value.
+        Unit of all components; ``"1"`` for a share of the specified value.
     largest : float
         Largest standard deviation that is accepted, in ``unit``.
     usual : float
@@ -59,12 +59,12 @@ class Source:
     key : str
         Key of the input in the file ``stated_in``, with the unit.
     field : callable, optional
-        Takes deviations (P, parts) and returns the factor (P,) on the magnetic loads.
+        Takes P deviations from the specified value (P, parts) and returns the factors (P,) on the magnetic loads.
     image : callable, optional
-        Takes deviations (P, parts) and returns the linear map (P, 2, 2) and the shift (P, 2) in mm from a true position
-        to its position in the picture.
+        Takes P deviations (P, parts) and returns the matrices (P, 2, 2) and the shifts (P, 2) in mm that map a true
+        position to its position in the image.
     specimen, loads, lens : callable, optional
-        Three functions. Each takes the specified specimen, loads or view of the lens, and deviations (parts,). Each
+        Three functions. Each takes the specified specimen, loads or view of the lens, and one deviation (parts,), and
         returns the changed specimen, loads or view.
     """
 
@@ -92,7 +92,10 @@ class Source:
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether an error of this input changes the shape of the beam, and not only its picture."""
+        """Whether an error of this input changes the shape of the beam, so that a new simulation is needed.
+
+        Any other error changes only the image of the beam.
+        """
         return any((self.specimen, self.loads, self.field))
 
 
@@ -107,8 +110,8 @@ class StatedSource:
     standard_uncertainty : float
         Standard uncertainty in the unit of the input; 0 for an exact value.
     of : str
-        The object to which the input belongs, such as a coil or a specimen. Datasets with the same object have the same
-        error of the input.
+        Name of the object to which the input belongs, such as a coil or a specimen. Datasets with the same object have
+        the same error of the input.
     """
 
     source: str
@@ -148,19 +151,19 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads for a beam whose direction in the picture differs by an angle in degrees."""
+    """Return the loads after a change of the beam's direction in the image by an angle in degrees."""
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional field in mT in all load cases, along the strongest field."""
+    """Return the loads with an additional field in mT in all load cases, in the direction of the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
 def _background_field(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional uniform field that does not depend on the current."""
+    """Return the loads with an additional uniform field (x, y) in mT that does not depend on the current."""
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
@@ -172,11 +175,11 @@ def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.
     loads : Loads
         The loads. They are returned unchanged if they contain no field.
     added_per_m : ndarray, shape (2,)
-        Numbers that are added to the gradients along and across the straight beam. A gradient is the relative change of
-        the field strength per metre.
+        Changes of the gradients along (x) and across (y) the straight beam, in 1/m. A gradient is the relative change
+        of the field strength per metre.
     curvature_per_m2 : float
-        Number that is added to the curvature: half of the second derivative of the relative field strength along the
-        coil axis, in 1/m².
+        Change of the curvature, in 1/m². The curvature is half of the second derivative of the relative field strength
+        along the coil axis.
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
@@ -404,7 +407,11 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with given deviations of its dimensions and materials from the specified values."""
+    """Return the specimen with deviations of its dimensions and material properties from the specified values.
+
+    deviations: for the name of each changed input, such as "width", the deviations in the unit of the input. Inputs
+    that do not belong to the specimen are ignored.
+    """
     specimen = before
     for key, deviation in deviations.items():
         if change := SOURCES[key].specimen:
@@ -417,7 +424,11 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with given deviations of gravity and field from the specified values."""
+    """Return the loads with deviations of gravity and field from the specified values.
+
+    deviations: for the name of each changed input, such as "gravity", the deviations in the unit of the input. Inputs
+    that do not belong to the loads are ignored.
+    """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
             loads = change(loads, deviation)
@@ -425,7 +436,11 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with given deviations of its distance and tilt from the specified values."""
+    """Return the view of the lens with deviations of its distance and tilt from the specified values.
+
+    deviations: for the name of each changed input, such as "tilt", the deviations in the unit of the input. Inputs that
+    do not belong to the lens are ignored.
+    """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:
             view = change(view, deviation)

@@ -1,14 +1,14 @@
 """Tensile curves (stress against strain) as additional data in a fit to measured edges.
 
-The law with n parameters is first fitted to the curve of m rows alone. The sum Q of the squared residuals of this fit
-gives the noise s = sqrt(Q / (m - n)). The noise is at least 1e-4 of the largest stress. tau neighbouring rows with
-correlated residuals count as one independent row (`eimi_fitting.correlation`). In a joint fit, row i with the residual
-r_i in Pa has the standardised residual
+The law with n parameters is first fitted to the m points of the curve alone. The sum Q of the squared residuals of this
+fit gives the standard deviation of the noise, s = sqrt(Q / (m - n)), which is at least 1e-4 of the largest stress.
+Neighbouring residuals are correlated, so that tau points count as one independent point (`eimi_fitting.correlation`).
+In a joint fit with edges, point i with the residual r_i in Pa has the standardised residual
 
     z_i = sqrt(w / tau) r_i / s
 
-with the weight w of the curve, 1 by default. The m rows then count as w m / tau independent rows. A curve that the law
-cannot follow has a large s and counts little.
+with the weight w of the curve, 1 by default. The m points then count as w m / tau independent points. A curve that the
+law cannot describe has a large s and therefore little effect.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class TensileCurve:
     stress_Pa : ndarray, shape (m,)
         Engineering stress in Pa.
     weight : float
-        Factor on the weight that the curve has because of its noise; 1 by default.
+        Factor on the squared residuals of the curve in a fit; 0.5 halves the weight that follows from its noise.
 
     Examples
     --------
-    A curve with half of the weight that its noise gives it:
+    A curve with half of the weight that follows from its noise:
 
     >>> import numpy as np
     >>> curve = TensileCurve(np.array([0.1, 0.2, 0.3]), np.array([12.6e3, 23.5e3, 32.9e3]), weight=0.5)
@@ -64,9 +64,9 @@ class TensileEvidence:
     curve : TensileCurve
         The curve.
     noise_Pa : float
-        Standard deviation in Pa of the residuals of a fit to this curve alone.
+        Standard deviation of the noise in Pa, from a fit of the law to this curve alone.
     correlation_rows : float
-        Number of neighbouring rows that count as one independent row.
+        Number of neighbouring points of the curve that count as one independent point.
     """
 
     curve: TensileCurve
@@ -92,7 +92,7 @@ class TensileEvidence:
         Raises
         ------
         CannotFit
-            If the curve has too few rows, or if all stresses are zero.
+            If the curve has too few points, or if all stresses are zero.
         """
         largest = float(np.abs(curve.stress_Pa).max(initial=0.0))
         if largest == 0.0:
@@ -103,10 +103,10 @@ class TensileEvidence:
         return TensileEvidence(curve, float(noise), alone.correlation_rows)
 
     def residuals_Pa(self, law: Law, parameters: Array) -> Array:
-        """Return simulated minus measured stress in Pa for each of P laws, shape (P, rows of the curve)."""
+        """Return computed minus measured stress in Pa for P sets of parameters and m points of the curve, (P, m)."""
         return engineering_stress(law, parameters, self.curve.strain) - self.curve.stress_Pa
 
     def standardised(self, law: Law, parameters: Array) -> Array:
-        """Return the stress residuals divided by their standard deviation for P laws, shape (P, rows of the curve)."""
+        """Return the stress residuals in standard deviations, for P sets of parameters and m points, (P, m)."""
         scale = np.sqrt(self.curve.weight / self.correlation_rows) / self.noise_Pa
         return scale * self.residuals_Pa(law, parameters)

@@ -1,10 +1,12 @@
-"""The unknowns of a fit: the coordinates of the hyperelastic law, the bulk modulus and the freed nuisances.
+"""The unknowns of a fit: the parameters of the hyperelastic law, the bulk modulus and uncertain inputs.
 
-A nuisance is an uncertain number of specimen, calibration or rig (`inference.evidence.sources`). A nuisance either
-keeps its stated value or is freed (the fit determines it). A freed nuisance has a normal prior about the stated value,
-which enters the fit as one more observation (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown has a unit
-coordinate u from 0 to 1. A nuisance with the prior standard deviation s deviates by 12 s (u - 1/2) from its stated
-value: the values u = 0 and u = 1 are 6 standard deviations (the constant `RANGE`) below and above the stated value.
+An uncertain input, such as the width of the specimen (`inference.evidence.sources`), either keeps its specified value
+in the fit or is freed, which means that it is fitted together with the law. Its deviation from the specified value is
+then an unknown (a nuisance parameter) with a normal prior of mean 0, which enters the fit as one more observation
+(Theil and Goldberger 1961, Int. Econ. Rev. 2:65).
+
+Each unknown is scaled to a coordinate u from 0 to 1. A deviation with the prior standard deviation s is 12 s (u - 1/2):
+u = 0 and u = 1 are 6 standard deviations (the constant `RANGE`) below and above the specified value.
 """
 
 from __future__ import annotations
@@ -65,20 +67,20 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """The deviation of an input from its specified value, which is fitted together with the law.
+    """The deviation of an input from its specified value, as an unknown that is fitted together with the law.
 
     Parameters
     ----------
     name : str
-        Name of the number in a result.
+        Name of the unknown in a result.
     source : str
         Name of the input, such as "width".
     part : int
-        Index of the number among the numbers of this input, such as 1 for y.
+        Index of the component of this input, such as 1 for y.
     datasets : tuple of int
-        Indices of the datasets that share the number, counted from 0.
+        Indices of the datasets in which the deviation is the same, counted from 0.
     spread : float
-        Standard deviation of the prior of the number, in the unit of the input.
+        Standard deviation of the prior, in the unit of the input.
     """
 
     name: str
@@ -93,21 +95,21 @@ class Nuisance:
         return SOURCES[self.source].unit
 
     def value(self, unit_coordinate: Array) -> Array:
-        """Return the deviation of the input from its specified value, for a scaled coordinate from 0 to 1."""
+        """Return the deviation in the unit of the input, for a scaled coordinate from 0 to 1."""
         return 2 * RANGE * self.spread * (unit_coordinate - 0.5)
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Errors of the field strength and of the position of the picture, for P sets of values of the unknowns.
+    """Errors of the field strength and of the camera in one experiment, for P sets of values of the unknowns.
 
     Parameters
     ----------
     field_factor : ndarray, shape (P,)
         Factor on the magnetic loads; 1 for the specified field.
     linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
-        Map from a true position in the beam frame to the position in the picture: the true position times ``linear``,
-        plus ``shift_mm``.
+        Map from a true position (x, y) of a point of the beam to its position in the image, both in mm: ``linear``
+        times the true position, plus ``shift_mm``.
     """
 
     field_factor: Array
@@ -116,20 +118,20 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the effect of given errors of the inputs on the field strength and on the position of the picture.
+        """Return the effect of errors of inputs on the field strength and on the positions in the camera's image.
 
         Parameters
         ----------
         deviations : iterable of (str, int, ndarray or float)
-            Each element is the name of an input such as "width", the index of one of its numbers, and the error of this
-            number in its unit: shape (P,), or one value for all sets of unknowns.
+            Each element is the name of an input such as "clamp", the index of one of its components (1 for y), and the
+            error of this component in its unit: shape (P,), or one value for all sets of unknowns.
         candidates : int
-            The number P of sets of unknowns.
+            P, the number of sets of unknowns.
 
         Returns
         -------
         Setup
-            The factor on the field, and the map from true positions to positions in the picture.
+            The factor on the magnetic loads, and the map from true positions to positions in the image.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -147,7 +149,7 @@ class Setup:
         return Setup(factor, linear, shift)
 
     def take(self, rows: Rows) -> Setup:
-        """Return the errors of field and picture for only the sets of unknowns with the indices ``rows``."""
+        """Return the errors for only the sets of unknowns with the indices ``rows``."""
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
@@ -157,14 +159,14 @@ class Setup:
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
 
     def imaged(self, places_mm: Array) -> Array:
-        """Return the positions in the picture from true positions in mm, for the first set of unknowns."""
+        """Return positions of points in the image from their true positions in mm, for the first set of unknowns."""
         return np.asarray(places_mm @ self.linear[0].T + self.shift_mm[0])
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the uncertain input that a result of a fit names, such as the clamp, and the index of one of its numbers.
+    """Return the uncertain input and the index of its component, from the name of a fitted deviation in a result.
 
-    The clamp has two numbers, x and y. ``name`` is the name of one number, such as "clamp x of dataset 0".
+    For example, "clamp y of dataset 0" gives the input "clamp" and the index 1.
 
     Raises
     ------
@@ -194,10 +196,10 @@ class SharedUnknowns:
     standard_uncertainty: float | None
 
     def part_name(self, part: int, datasets: int) -> str:
-        """Return the name, in a result, of one number (such as x or y) of the input.
+        """Return the name of one component of this input in a result, such as "clamp y of datasets 0 and 2".
 
-        The name ends with the datasets, as in "... of datasets 0 and 2", unless all datasets of the fit share the
-        error.
+        ``part`` is the index of the component. ``datasets`` is the number of all datasets of the fit; the name contains
+        no datasets if all of them have the same error of the input.
         """
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
@@ -219,8 +221,8 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
     Returns
     -------
     tuple of SharedUnknowns
-        One element for each group. Datasets that name the same object for the input, such as the same coil, form a
-        group.
+        One element for each group. Datasets whose files specify the same object for the input, such as the same coil,
+        form a group.
     """
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
@@ -236,26 +238,27 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """Return the unknown deviations of the inputs that are fitted together with the law.
+    """Return the deviations of uncertain inputs that are fitted together with the law, one unknown for each.
 
     Parameters
     ----------
     priors : sequence of NuisancePrior
         The inputs that the fit determines, with their prior standard deviations.
     datasets : int
-        Number of datasets.
+        How many datasets the fit has.
     stated : sequence of sequence of StatedSource, optional
         For each dataset, the uncertainties that its files specify; none by default.
 
     Returns
     -------
     tuple of Nuisance
-        One unknown for each number of an input (such as x and y), and for each group of datasets with the same error.
+        For each input, one unknown for each component (such as x and y) and each group of datasets with the same error.
 
     Raises
     ------
     ValueError
-        If a prior has no standard deviation, and a dataset gives no uncertainty of the input or an uncertainty of 0.
+        If a prior has no standard deviation, and a dataset specifies no uncertainty of the input or an uncertainty of
+        0.
     """
     freed: list[Nuisance] = []
     for prior in priors:
@@ -277,15 +280,14 @@ def nuisances(
 class Unknowns:
     """The unknowns of a fit: parameters of the law, the bulk modulus if it is unknown, and uncertain inputs.
 
-    Each of the n unknowns is scaled to a coordinate from 0 to 1. The coordinates of P sets of values have the shape
-    (P, n).
+    Each of the n unknowns is scaled to a coordinate from 0 to 1. P sets of values are an array of shape (P, n).
 
     Parameters
     ----------
     space : SearchSpace
         The coordinates of the law and, if it is unknown, of the bulk modulus.
     freed : tuple of Nuisance
-        The uncertain inputs, such as the width, that are fitted together with the law.
+        The deviations of uncertain inputs, such as the width, that are fitted together with the law.
     """
 
     space: SearchSpace
@@ -293,7 +295,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """Number of unknowns without the uncertain inputs: those of the law, and the bulk modulus if it is unknown."""
+        """How many unknowns are no deviations of inputs: those of the law, and the bulk modulus if it is unknown."""
         return len(self.space.names)
 
     @property
@@ -307,37 +309,46 @@ class Unknowns:
 
     @property
     def ratios(self) -> tuple[str, ...]:
-        """Names of the fitted inputs that scale the magnetic load, such as the moment of the magnet."""
+        """Names of the fitted inputs that multiply the magnetic load, such as the moment of the magnet."""
         return tuple(nuisance.name for nuisance in self.freed if SOURCES[nuisance.source].field)
 
     @property
     def prior(self) -> Array:
-        """The inverse of the prior variance of each scaled coordinate (0 to 1)."""
+        """The inverse prior variance of each of the n scaled unknowns, shape (n,).
+
+        The prior of a parameter of the law has the variance of a uniform distribution between the bounds of the search.
+        """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         # the coordinate of an uncertain input covers 2 RANGE prior standard deviations
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Append the coordinates of the uncertain inputs at their specified values, if they are missing."""
+        """Return P sets of all n unknowns, (P, n), from sets that may contain the law's unknowns only.
+
+        Missing uncertain inputs get their specified values.
+        """
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
 
     def parameters(self, unit: Array) -> Array:
-        """Return the parameters of the law from the scaled coordinates (0 to 1) of the unknowns."""
+        """Return the m parameters of the law, (P, m), from P sets of scaled unknowns (P, n)."""
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli in Pa from the scaled coordinates (0 to 1); None if the bulk modulus is no unknown."""
+        """Return the bulk moduli (P,) in Pa from P sets of scaled unknowns (P, n); None if there is no such unknown."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
-        """Return the deviations of the fitted inputs from their specified values, in prior standard deviations."""
+        """Return the deviations of the f fitted inputs in prior standard deviations, (P, f), from scaled unknowns."""
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the errors of field strength and picture position in each dataset; None if no input is fitted."""
+        """Return the errors of field strength and camera in each dataset, for P sets (P, n) of scaled unknowns.
+
+        The result is None if no uncertain input is fitted.
+        """
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -365,20 +376,20 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group the sets of unknowns that have the same lens.
+        """Group sets of unknowns, so that distance and tilt of the camera's lens are the same in each group.
 
         Parameters
         ----------
         unit : ndarray, shape (P, n)
             P sets of the n unknowns, scaled to 0 to 1.
         datasets : int
-            Number of datasets.
+            How many datasets the fit has.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets, and one dictionary for each dataset: from the name of a property of
-            the lens to the deviations of its numbers from the specified values.
+            For each group, the indices of its sets, and one dictionary for each dataset. A key is a property of the
+            lens, such as "tilt", and its value the deviations of its components from the specified values.
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 
