@@ -1,4 +1,4 @@
-"""Name the most probable cause of the residuals in a doubt (a warning), if the cause matters for the modulus."""
+"""Name the most probable cause of the residuals in a warning, if the cause matters for the modulus."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def cause_doubts(
 
 
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
-    """Return whether the stated uncertainties of the inputs (such as the width) explain the residuals of a fit."""
+    """Return whether errors of the inputs within their stated uncertainties explain the residuals of a fit."""
     if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
         return False
     misfits = (e.observed.of_residuals(r[None]) for e, r in zip(experiments, weighed.remaining, strict=True))

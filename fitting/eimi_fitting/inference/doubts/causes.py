@@ -1,54 +1,52 @@
-"""Compute how probable it is that a possible error of the bench (a cause) has caused the residuals of a fit.
+"""Compute how probable it is that a possible error of the test bench (a cause) has caused the residuals of a fit.
 
-The probabilities are computed with linear Gaussian models.
-
-Let r be the residuals in mm at the optimum, with every input at its stated value, and J the slopes of r in the unknowns
-x of the law. A cause a has the amplitudes s_a (`possible_causes`). The signature C_a of the cause is the change of the
-residuals for amplitudes of one. A hypothesis H is a set of causes. The model of a hypothesis is
+The model. Let r be the residuals in mm at the optimum of the fit, with every input at its stated value. Let J be the
+derivatives of r by the unknowns x of the law. A cause a is described by a few numbers s_a (its amplitudes), such as a
+shift in x and in y. The signature C_a is the change of the residuals for amplitudes of one. A hypothesis H is a set of
+causes that are present. It explains the residuals by
 
     -r = J dx + sum_{a in H} C_a s_a + d + e
-    dx ~ N(0, inv(P)),   s_a ~ h(s_a / size_a) N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 tau)
+    dx ~ N(0, inv(P)),   s_a ~ N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 T)
 
-with the inverse variance P of the priors of the fit and the usual size size_a of the cause. The noise e has the level
-sigma and the correlation tau of neighbouring points. The error d is the part that no listed cause explains. It has the
-size eta in mm and the covariance G, which is smooth along an edge and over the loads (Kennedy and O'Hagan 2001, J. R.
-Stat. Soc. B 63:425). J has further columns for the errors that remain after the corrections by a finer mesh and by a
-three-dimensional model.
+where dx is a change of the law, P the inverse covariance of its prior, and size_a the usual size of the cause in a
+laboratory. The noise e has the standard deviation sigma and the correlation matrix T. The error d is the part that no
+listed cause explains. It has the unknown size eta in mm, and its covariance G is smooth along an edge and over the
+loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). J has further columns for the errors that remain after the
+corrections by a finer mesh and by a three-dimensional model.
 
-The evidence p(r | H) is the probability density of the residuals. It has a closed form for a linear Gaussian model. Let
-L = sigma^2 tau + eta^2 G. Let A be the columns of J and of all C_a, each times its prior standard deviation. Let b be
-the vector A' inv(L) r, where a prime denotes the transpose. For normal priors,
+The evidence p(r | H) is the probability density of the residuals. Let L = sigma^2 T + eta^2 G. Let A be the columns of
+J and of all C_a, each times its prior standard deviation, and b = A' inv(L) r, where a prime denotes the transpose.
+Then
 
     ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
 
-(Bishop 2006, Pattern Recognition and Machine Learning, section 3.5; Woodbury's identity). The evidence is averaged over
-eta = 0 and 17 values from 1e-4 to 1 mm with equal distances in ln eta.
+except for a constant (Bishop 2006, Pattern Recognition and Machine Learning, section 3.5; Woodbury's identity). The
+evidence is averaged over eta = 0 and 17 values from 1e-4 to 1 mm with equal distances in ln eta.
 
-The prior of the amplitudes. h vanishes at zero, so that a second cause of negligible size does not explain small errors
-of the beam model (a non-local prior: Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143). It multiplies the evidence
-of the normal prior by (m / (m + 0.3^2))^2. Here m is the posterior mean of |s_a / size_a|^2. If the value of a cause is
-computed from several amplitudes, m is the largest of their means. The factor is near one for amplitudes well above 0.3
-of the usual size.
+Negligible causes. A second cause of negligible size shall not explain small errors of the beam model. The evidence is
+therefore multiplied by (m / (m + 0.3^2))^2 for each cause of H, where m is the posterior mean of |s_a / size_a|^2. If
+the reported size of a cause contains several amplitudes, m is the largest of their means. The factor is near one for
+amplitudes well above 0.3 of the usual size. It has the effect of a prior that vanishes at zero (a non-local prior:
+Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143).
 
-The probabilities. The hypotheses are no cause, one cause, and two causes together, each in two versions of equal prior
-probability. In the first version, every input has exactly its stated value. In the second version, the columns of J
-also contain every input with a stated uncertainty, with the stated standard deviation
-(`inference.doubts.stated_inputs`). Each of the M causes has the prior probability 1 / M. The probability of a
-hypothesis with |H| causes is therefore proportional to p(r | H) (M - 1)^-|H|. The probability of a cause is the sum
-over the hypotheses that contain it. A cause may also be present within its stated uncertainty, as a deviation of an
-input that can be recognised in the residuals (`inference.doubts.deviating_inputs`). The probability of such a deviation
-is added. The probability of `none` is that of the hypotheses without a cause and without such a deviation. Causes with
-nearly the same signature share their probability equally (`inference.doubts.collinear_causes`).
+The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes is present with
+the prior probability 1 / M, so that its prior odds are 1 to M - 1. The probability of a hypothesis with h causes is
+therefore proportional to p(r | H) (M - 1)^-h. Each hypothesis has two versions of equal prior probability. In the first
+version, every input has exactly its stated value. In the second version, every input with a stated uncertainty is one
+more unknown, with the stated standard deviation (`inference.doubts.stated_inputs`). The probability of a cause is the
+sum over all hypotheses that contain it. The probability that the same error is present within its stated uncertainty is
+added (`inference.doubts.deviating_inputs`). The probability of `none` is that of the hypotheses without a cause and
+without such an error. Causes with nearly the same signature share their probability equally
+(`inference.doubts.collinear_causes`).
 
-The computation (`inference.doubts.weighing`). Residuals are compared by their coefficients in orthonormal polynomials
-along each edge, which describe smooth signatures completely. The remainder gives sigma and tau. A signature is linear
-only in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from
-the linear model is added to r (Gauss-Newton).
+The computation (`inference.doubts.weighing`). Residuals are described by coefficients of orthonormal polynomials along
+each edge, which describe smooth signatures completely. The remainder gives sigma and T. The residuals are linear only
+in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from the
+linear model is added to r (Gauss-Newton).
 
 Errors of the simulation. Two errors are added to the noise under every hypothesis. The first error remains after the
-corrections by better models. The second is an error of 1 per cent in each simulated change of the residuals, by dx, by
-s_a and by deviations of inputs. Like d, both errors are assumed smooth along an edge and alike in states of similar
-loads.
+corrections by better beam models. The second error is 1 per cent of each simulated change of the residuals. Both errors
+are assumed smooth along an edge and similar under similar loads, like d.
 """
 
 from __future__ import annotations
@@ -85,7 +83,7 @@ class Cause:
     Parameters
     ----------
     name : str
-        Name of the error. ``"none"`` stands for noise and for an error that is not listed.
+        Name of the error. ``"none"`` stands for noise and for any error that is not listed.
     probability : float
         Probability that the error is present.
     value : float
@@ -97,9 +95,9 @@ class Cause:
     decide_by : str
         The measurement that decides whether the error is present.
     like : tuple of str
-        Names of other errors that the residuals do not distinguish from this one.
+        Names of the other errors that would change the residuals in nearly the same way.
     is_within_stated : bool
-        Whether the value is at most two standard uncertainties, as files state them.
+        Whether the size of the error is at most twice the standard uncertainty that files state for it.
     """
 
     name: str
@@ -114,7 +112,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The probabilities of possible errors of the test bench (causes), and the residuals that remain with each cause.
+    """The probabilities of possible errors of the test bench (causes), and the residuals after a correction for them.
 
     Parameters
     ----------
@@ -123,21 +121,22 @@ class Weighed:
     in_the_fit : frozenset of str
         Names of the causes that the fit has already corrected, because their sizes were fitted or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        For each cause by name, one array for each experiment: the root mean square residuals in mm of the K states if
-        the fit were corrected for this cause alone.
+        For each cause by name, one array for each experiment: the root mean square residuals in mm under each of K
+        loads if the fit were corrected for this cause alone.
     modulus_percent : tuple of float
-        Smallest and largest change of the initial shear modulus in per cent if the fit were corrected for the probable
-        causes.
+        Smallest and largest change of the initial shear modulus in per cent if the fit were corrected for one of the
+        probable sets of causes.
     most_probable : frozenset of str
         Names of the causes in the most probable set of causes.
     beside_the_fit : float
-        Probability that at least one cause is present which the fit has not corrected.
+        Probability that at least one cause is present that the fit has not corrected.
     remaining : tuple of ndarray, shape (K, G, m), or None
-        For each experiment, the residuals in mm that remain with the most probable set of causes: m points on each of G
-        edges (or in x and y) in K states. None if the beam model finds no equilibrium, or if the most probable set
-        leaves the fit as it is.
+        For each experiment, the residuals in mm if the fit were corrected for the most probable set of causes: K loads,
+        G = 2 edges (or the coordinates x and y of tracked points), m points. None if the beam model finds no
+        equilibrium, or if this correction would not change the fit.
     as_stated : float
-        Probability that no cause is present. A deviation of an input within its stated uncertainty is no cause.
+        Probability that no cause is present. An error of an input within its stated uncertainty does not count as a
+        cause.
     """
 
     causes: tuple[Cause, ...]
@@ -156,7 +155,7 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Return the probabilities of possible errors of the test bench (causes), given the residuals of a fit.
+    """Return how probable each possible error of the test bench (cause) is, given the residuals of a fit.
 
     Parameters
     ----------
@@ -165,7 +164,7 @@ def weighed_causes(
     optimum : Optimum
         The optimum of the fit.
     effects : sequence of Effect
-        The corrections of the fit by better beam models.
+        The corrections of the fit by better beam models, such as a finer mesh.
     possible : sequence of PossibleCause
         The causes to compare.
 
@@ -246,12 +245,12 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of deviations of inputs (such as width and scale) with the same effect."""
+    """Return the probability of each group of wrong inputs that change the residuals alike, such as width and scale."""
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the fewest sets of test bench errors that have a probability of 0.95 together."""
+    """Return the indices of the most probable sets of errors, as many as have a total probability of 0.95."""
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

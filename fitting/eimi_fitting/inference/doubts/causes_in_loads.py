@@ -29,10 +29,9 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads that bend the assumed beam as much as the given loads bend a softer or stiffer beam.
+    """Return loads under which a beam bends as much as it would under the given loads with another stiffness.
 
-    ``stiffness`` (K,) has the stiffness of the softer or stiffer beam, divided by that of the assumed beam, in each of
-    K states.
+    ``stiffness`` (K,) is the other stiffness divided by the stiffness of the beam, in each of K states.
     """
     over = 1 / stiffness[:, None]
     return replace(
@@ -41,9 +40,9 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with an increase that has the same effect as a beam that softens steadily with time.
+    """Return larger loads, which bend the beam as much as if it softened steadily from the first to the last state.
 
-    ``amplitudes`` has the share of the stiffness that is lost between the first and the last state.
+    ``amplitudes`` has one element: the share of the stiffness that is lost between these states.
     """
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
@@ -63,9 +62,10 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with an increase that has the same effect as a beam that is softer while the load decreases.
+    """Return loads that are larger in the states that were reached by a decrease of the load.
 
-    ``amplitudes`` has the share of the stiffness that is missing in these states.
+    The increase has the effect of a beam that is softer in these states. ``amplitudes`` has one element: the missing
+    share of the stiffness.
     """
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
@@ -73,8 +73,8 @@ def _lagging(loads: Loads, amplitudes: Array) -> Loads:
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
     """Return the loads with a magnetic field whose strength varies in space.
 
-    ``amplitudes`` has the relative change of the strength per metre along the beam, across the beam, and along the axis
-    of the coil at a distance of 10 mm from the magnet.
+    ``amplitudes`` has three relative changes of the strength per metre: along the beam, across the beam, and along the
+    axis of the coil at a distance of 10 mm from the magnet.
     """
     # The third gradient is zero at the magnet of the straight beam and increases linearly along the axis of the coil.
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))

@@ -26,7 +26,9 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
     """Return a function that corrects the measured points of an experiment for an error of the picture.
 
-    ``displacement`` is the function that computes how this error displaces given points, in mm.
+    ``displacement`` computes how far the error has displaced points, in mm, from the experiment, the points and the
+    numbers that describe the error. ``shift`` is the index of the first of two such numbers that shift all points in x
+    and y; None if there are no such numbers.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

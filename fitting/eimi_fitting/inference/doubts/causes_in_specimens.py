@@ -54,7 +54,8 @@ def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
     """Return the assumptions of a fit, with two more terms in the strain energy of the material.
 
     The terms are proportional to (I1 - 3)^2 and I2 - 3, where I1 and I2 are the first two invariants of the
-    deformation.
+    deformation. ``amplitudes`` has the sizes of these terms in units of the initial shear modulus, which stays the
+    same.
     """
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed

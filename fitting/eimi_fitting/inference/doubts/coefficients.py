@@ -1,7 +1,8 @@
 """Collect the unknown numbers that may explain the residuals of a fit, and the effect of each on the residuals.
 
-The unknown numbers are called coefficients: the sizes of possible errors of the test bench (causes), changes of the law
-and deviations of inputs. Their effects are described by polynomials along each edge.
+The unknown numbers are called coefficients. They are the sizes of possible errors of the test bench (causes), changes
+of the law, and errors of inputs within their uncertainties. Their effects on the residuals are described by polynomials
+along each edge.
 """
 
 from __future__ import annotations
@@ -28,25 +29,29 @@ _CORNERS_MM = 0.01
 class Coefficients:
     """The unknown numbers that may explain the residuals of a fit, and how each of them changes the residuals.
 
-    They are numbered in this order: changes of the law, deviations of inputs, errors that better beam models leave, and
-    sizes of possible errors of the test bench (causes).
+    There are four kinds of unknown numbers, in this order: changes of the law; errors of inputs within their
+    uncertainties; sizes of the errors that better beam models, such as a finer mesh, do not correct; sizes of possible
+    errors of the test bench (causes). The residuals are described by N coefficients of polynomials along the edges
+    (`Projection`).
 
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change in mm of N polynomial coefficients of the residuals by one prior standard deviation of each of C numbers.
-        The last row is zero.
+        Change in mm of the N polynomial coefficients by one prior standard deviation of each of the C unknown numbers.
+        The last row is zero, for lists of indices that are filled up to the same length.
     scale : ndarray, shape (C + 1,)
-        Prior standard deviation of each number; 1 for the last row.
+        Prior standard deviation of each unknown number; 1 for the last row.
     law, simulated, common : int
-        How many numbers belong to the first kind (``law``), to the first two kinds (``simulated``), and to the first
-        three kinds (``common``).
+        How many unknown numbers belong to the first kind (``law``), to the first two kinds (``simulated``), and to the
+        first three kinds (``common``).
     of_inputs, of_causes : list of list of int
-        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the indices of its numbers.
+        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the indices of its unknown numbers.
     columns : list of Column
-        Descriptions of the numbers of the inputs, then of those of the causes.
+        Descriptions of the second and of the fourth kind.
     remaining : ndarray, shape (E, N)
-        Changes in mm by the standard uncertainties of E corrections by better beam models.
+        Changes in mm of the N polynomial coefficients by one standard deviation of the errors that remain after each of
+        E corrections by better beam models. They give the root mean square of a further error, whose shape along an
+        edge is unknown.
     """
 
     rows: Array
@@ -74,12 +79,12 @@ class Coefficients:
         about : About
             The optimum of the fit, with the derivatives of the residuals.
         project : Projection
-            The map from residuals to polynomials along each edge.
+            The map from residuals to coefficients of polynomials along each edge.
         effects : sequence of Effect
-            The corrections of the fit by better beam models.
+            The corrections of the fit by better beam models, such as a finer mesh.
         stated, columns_by_cause : mapping of PossibleCause to sequence of Column
-            The numbers of each uncertain input (``stated``) and of each possible error of the test bench, such as x and
-            y.
+            The components of the error of each uncertain input (``stated``), such as x and y, and those of each
+            possible error of the test bench.
         """
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
@@ -115,12 +120,15 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the description of one unknown number: a deviation of an input, or an error of the test bench."""
+        """Return the description of one unknown number: an error of an input, or an error of the test bench.
+
+        ``row`` is the index of the number among all unknown numbers.
+        """
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive indices, from ``first`` on, as one list for each element of ``columns``."""
+    """Return consecutive indices, from ``first``, for the elements of several sequences: one list for each sequence."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

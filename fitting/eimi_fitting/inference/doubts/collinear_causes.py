@@ -1,25 +1,24 @@
-"""Find causes (errors of the bench) that change the residuals alike, and give these causes equal probabilities.
+"""Find causes (errors of the test bench) that change the residuals alike, and give them equal probabilities.
 
-When are two causes alike? Let e_a be the vector of the residuals that remain if only the cause a is present, and e_0
-the vector of those that remain without a cause. Both are in units of the noise. The amplitudes (sizes) of the cause and
-the parameters of the law have their most probable values. S_a = e_0 - e_a is the part of the residuals that the cause a
-explains and the law does not explain. If S_a and S_b of two causes have the same length |S| and the angle phi between
-them,
+When are two causes alike? Let e_0 be the vector of the residuals after a fit without any cause, and e_a that after a
+fit with the cause a, both in units of the noise. S_a = e_0 - e_a is the part of the residuals that the cause a explains
+and the law does not explain. If S_a and S_b of two causes have the same length |S| and the angle phi between them,
 
     |e_a - e_b|^2 = |S_a - S_b|^2 = 4 |S|^2 sin^2(phi / 2).
 
-If one of the two causes is true and the noise is normal, the logarithm of the odds between the causes is |e_a - e_b|^2
-/ 2 on average. The causes are alike if these odds are below 9 to 1. Noise adds about 1 to |e_a - e_b|^2 for each
-amplitude. The simulated vectors S_a and S_b may each be wrong by 1 per cent. The limit for |e_a - e_b|^2 is therefore 2
-ln 9, plus the number of amplitudes of both causes, plus (0.02 |S|)^2.
+Assume that one of the two causes is true and that the noise is normal. The logarithm of the odds between the causes is
+then |e_a - e_b|^2 / 2 on average. Two causes count as alike if the odds are below 9 to 1, that is, if |e_a - e_b|^2 is
+below 2 ln 9. Two amounts are added to this limit. Each size of a cause is fitted to noisy residuals, which increases
+|e_a - e_b|^2 by about 1: the number of fitted sizes of both causes is added. The simulated S_a and S_b may each be
+wrong by 1 per cent: (0.02 |S|)^2 is added.
 
 Causes that are alike form a class of at most three. A cause of negligible size is alone in its class.
 
 The data do not decide between the causes of a class. Their evidence (the probability density of the residuals) differs
 only because their assumed usual sizes differ. Example: a scale that is wrong by 3 per cent and a beam that is 9 mm
-nearer change the residuals alike. The usual error is 1 per cent for a scale and 5 mm for a distance. The evidence would
-therefore favour the distance, even if the scale is wrong. Hypotheses (sets of causes) that differ only in the choice
-within a class therefore share their probability equally.
+nearer to the camera change the residuals alike. The usual error is 1 per cent for a scale and 5 mm for a distance. The
+evidence would therefore favour the distance, even if the scale is wrong. For this reason, sets of causes that differ
+only by the choice within a class share their probability equally.
 """
 
 from __future__ import annotations
@@ -45,10 +44,10 @@ def classes(
     Parameters
     ----------
     remaining : ndarray, shape (1 + M, N)
-        The N residuals that remain, in units of the noise: in the first row without a cause, and in each further row
-        with one of the M causes.
+        N residuals in units of the noise. The first row is from a fit without any cause, and each further row from a
+        fit with one of the M causes.
     amplitudes : sequence of int, length M
-        How many numbers describe each cause; two for a shift in x and y.
+        How many fitted numbers describe each cause; two for a shift in x and y.
     evidence : ndarray, shape (M,)
         Logarithm of the probability density of the residuals with each cause alone.
     negligible : ndarray of bool, shape (M,)
@@ -92,8 +91,9 @@ def shared_equally(
     hypotheses : sequence of tuple of int
         The sets of causes, each as indices of its causes.
     is_uncertain : ndarray of bool, shape (H,)
-        Whether each set is combined with uncertain inputs (True) or with exact inputs. Probability is divided only
-        between sets with the same value.
+        Whether inputs such as the width may be wrong within their stated uncertainties, in addition to the causes of
+        the set (True), or have exactly their stated values. Probability is divided only between sets with the same
+        value.
     of_causes : sequence of tuple of int
         The groups of causes that the residuals do not distinguish, as indices.
 

@@ -1,8 +1,7 @@
-"""Find the inputs whose deviations from the stated values can be recognised in the residuals.
+"""Find the inputs, such as a width, that the residuals show to differ from their stated values.
 
-An input, such as a width, may deviate from its stated value by two standard uncertainties, and the residuals may show
-which input it is. Such a deviation is no error of the test bench, because it lies within the uncertainty that a file
-states.
+The difference is within the uncertainty that a file states, and is therefore no error of the test bench. Its
+probability is computed because it may still be the reason for the residuals.
 """
 
 from __future__ import annotations
@@ -23,20 +22,20 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """A deviation of an input (such as a width), within its stated uncertainty, that the residuals of a fit show.
+    """An input that differs from its stated value within its uncertainty, as the residuals of a fit show.
 
     Parameters
     ----------
     cause : int
-        Index of the error in the list of possible errors of the test bench, such as "wrong scale" for the input scale.
+        Index of the same error, such as "wrong scale", in the list of possible errors of the test bench.
     probability : float
-        Probability that the deviation is present and not negligible.
+        Probability that the difference is present and not negligible.
     value : float
-        Size of the deviation in the unit of the error.
+        Size of the difference in the unit of the error.
     moved : float
-        Change of the first unknown of the law by the deviation. The unknown varies from 0 to 1 between its bounds.
+        Change of the first unknown of the law by the difference. The unknown varies from 0 to 1 between its bounds.
     like : tuple of int
-        Indices of other errors that the residuals do not distinguish from this one.
+        Indices of the other errors that would change the residuals in nearly the same way.
     """
 
     cause: int
@@ -47,19 +46,24 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the deviations of inputs, within their stated uncertainties, that the residuals of a fit show.
+    """Return the inputs that differ from their stated values within their uncertainties, as residuals of a fit show.
 
-    A wrong width, for example, is a possible error of the test bench (a cause). It is a deviation if it is not larger
-    than the file of the specimen states. The keys of the result are the indices of the causes.
+    Example: a width that is wrong by twice its stated uncertainty. A larger error of the width would be an error of the
+    test bench.
 
     Parameters
     ----------
     weighing : Weighing
-        The sets of causes that are compared.
+        The comparison of sets of errors of the test bench.
     posterior : Posterior
-        The probability density of the residuals and the sizes of causes and deviations, for each set.
+        The probability density of the residuals and the sizes of all errors, for each set.
     base : int
-        Index of the most probable set. The causes of this set are left out.
+        Index of the most probable set. Its errors are omitted, because they are larger than stated.
+
+    Returns
+    -------
+    dict of int to Deviation
+        The differences. A key is the index of the same error in the list of possible errors of the test bench.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):

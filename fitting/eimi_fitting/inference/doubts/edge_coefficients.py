@@ -32,14 +32,17 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 class Projection:
     """The linear map from residuals to N coefficients of polynomials along each edge, with their variances.
 
+    In the shapes, K is the number of states (loads), G = 2 the number of edges (or the coordinates x and y of tracked
+    points), m the number of points on an edge, and D the number of polynomials.
+
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
-        For each experiment, the values of D orthonormal polynomials at m points on G edges (or in x and y) in K states;
-        zero for a point that is not used.
+        For each experiment, the values of the orthonormal polynomials at the points; zero for a point that is not used.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, orthogonal matrices that combine the coefficients of different states (``over_states``) and
-        of different edges (``over_groups``) so that the combinations are not correlated.
+        For each experiment, two orthogonal matrices. They combine the coefficients of different states
+        (``over_states``) and of different edges (``over_groups``) linearly, so that the combinations are not
+        correlated.
     noise, error : ndarray, shape (N,)
         Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unknown smooth error of the size 1
         mm (``error``).
@@ -87,8 +90,8 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
     experiments : sequence of Experiment
         The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        For each experiment, residuals in mm, and weights that are positive for the points to use: m points on each of G
-        edges (or in x and y) in K states.
+        For each experiment, residuals in mm, and weights that are positive for the points to use: K loads, G = 2 edges
+        (or the coordinates x and y of tracked points), m points.
 
     Returns
     -------
@@ -115,9 +118,9 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return the values of orthonormal polynomials along each edge at its measured points, shape (K, G, m, D).
+    """Return the values of D orthonormal polynomials along each edge at its m measured points, shape (K, G, m, D).
 
-    There are D polynomials for each of G edges in K states, and m points on each edge.
+    There are G edges in K states.
     """
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
@@ -146,7 +149,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the assumed correlation between K states of the residuals that no known error explains, (K, K)."""
+    """Return the assumed correlation of the unexplained error between K states, (K, K); it is high for similar loads.
+
+    The unexplained error is the part of the residuals that no listed error of the test bench explains.
+    """
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Compute the evidence (probability density of the data) of linear Gaussian models of the same data."""
+"""Compute the evidence (probability density of the data) of several linear models with normal noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
 
 @dataclass(frozen=True)
 class Posterior:
-    """The evidence (probability density of the data) of H linear Gaussian models, and their C coefficients.
+    """The evidence (probability density of the data) of H linear models, and the posterior of their C coefficients.
 
     Parameters
     ----------
@@ -47,27 +47,28 @@ class Posterior:
 
 
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
-    """Return the evidence (probability density of the data) of H linear Gaussian models, and their coefficients.
+    """Return the evidence (probability density of the data) of H linear models, and their posterior coefficients.
 
-    In each model, the N data are a sum of some rows of ``columns``, each times an unknown standard normal number, plus
-    noise and an unexplained error.
+    A model describes N data as a sum of three parts: some rows of ``columns``, each times a coefficient with a standard
+    normal prior; normal noise; and a normal error of unknown size that the model does not explain.
 
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        Change of the N data by one prior standard deviation of each coefficient. The last row is zero.
+        Change of the N data by one prior standard deviation of each of the C coefficients. The last row is zero.
     members : ndarray, shape (H, q)
         Indices of the rows of ``columns`` that belong to each model, filled up with the index of the last row.
     y : ndarray, shape (H, N)
-        The N data that each model explains.
+        The N data, one row for each model. The rows differ if each model is a linear approximation about its own point,
+        because the nonlinear remainder is subtracted from the data.
     noise, error : ndarray, shape (N,)
-        Variance of each datum due to noise (``noise``), and due to an unexplained error of the size 1 mm (``error``).
-        The true size of this error is unknown.
+        Variance of each datum in mm^2: due to noise (``noise``), and due to an unexplained error of the size 1 mm
+        (``error``).
 
     Returns
     -------
     Posterior
-        Evidence and coefficients of the H models.
+        Evidence and coefficients of the H models, averaged over the unknown size of the unexplained error.
     """
     common, own = _common(members)
     h, q = members.shape

@@ -1,8 +1,8 @@
-"""Describe a possible error of a bench: usual size, effect on the residuals, and the measurement that confirms it.
+"""Describe a possible error of a test bench (a cause of residuals): its usual size, its effect, and how to confirm it.
 
-Such an error is a possible cause of residuals. A cause changes the assumptions of a fit about an experiment: the
-specimen, the loads, the picture or the law. The change of the residuals at the optimum is the signature of the cause
-(`inference.doubts.causes`). `inference.doubts.table_of_causes` lists the causes.
+A cause changes what a fit assumes about an experiment: the specimen, the loads, the picture or the law. The residuals
+change with these assumptions (`inference.doubts.signatures`). All causes are listed in
+`inference.doubts.table_of_causes`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ BOTH_POLARITIES = "the same currents with both polarities (both_polarities = tru
 
 @dataclass(frozen=True)
 class Assumed:
-    """The law, the beam model, the loads and the deviations of inputs that a fit assumes for one experiment.
+    """What a fit assumes about one experiment: the law, the beam model, the loads, and errors of the inputs.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ class Assumed:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         Bulk modulus in Pa; None for an incompressible material.
     experiment : Experiment
-        The experiment with a planar model.
+        The experiment with a planar model, without the ``deviations``.
     deviations : tuple of (str, int, float)
-        Each number that differs from its stated value: the name of the input, the index of the number (0 for x, 1 for
-        y), and the deviation in the unit of the input.
+        One element for each number that differs from its stated value: the name of the input, the index of the
+        component (0 for x, 1 for y), and the difference in the unit of the input.
     """
 
     law: Law
@@ -51,7 +51,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the assumed deviations of specimen, loads and lens."""
+        """The experiment, changed by those ``deviations`` that belong to the specimen, the loads or the lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -60,7 +60,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The effect of the assumed deviations of inputs on the field strength and on the picture of the beam."""
+        """The effect of the ``deviations`` on the strength of the field and on the picture of the beam."""
         return Setup.of(self.deviations, 1)
 
 
@@ -82,18 +82,19 @@ class PossibleCause:
     sizes : tuple of float
         Usual size of each number in a laboratory, as a standard deviation.
     change : callable or None
-        Takes the assumptions of a fit and the numbers, and returns the assumptions with this error. None for the error
-        of a planar model, which a three-dimensional model gives.
+        Function of two arguments: the assumptions of a fit, and the numbers. It returns the assumptions with this
+        error. None for the error of a planar model, whose effect is computed by a three-dimensional model.
     decide_by : str
         The measurement that decides whether the error is present.
     source : str
-        Name of the uncertain input whose deviation is the same error, such as "scale"; empty if there is none.
+        Name of the input that is wrong if the error is present, such as "scale"; empty if there is none.
     parts_of : tuple of str
-        Names of further inputs that are parts of the same quantity, such as the coil constant for the moment.
+        Names of further inputs that may be wrong instead, with a similar effect. Example: the remanence, if the error
+        is a wrong magnetic moment.
     is_common : bool
         Whether all datasets share one error.
     shown : int or None
-        How many of the numbers, from the first, enter the reported size. None for all.
+        How many of the numbers, counted from the first, are combined to the reported size. None for all.
     """
 
     name: str
@@ -109,15 +110,16 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The names of the inputs that are wrong if this error is present; empty if there is none."""
+        """The names of all inputs that may be wrong if this error is present; empty if there is none."""
         return (self.source, *self.parts_of) if self.source else ()
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that adds deviations of uncertain inputs to the assumptions of a fit.
+    """Return a function that changes the assumptions of a fit by errors of inputs, such as a wrong scale.
 
-    Each dictionary of ``parts`` has the deviations for an error of the size 1. A key is the name of an input with the
-    index of the number, such as ``("clamp", 0)`` for x.
+    The function takes the assumptions, and one number for each dictionary of ``parts``. A key of a dictionary is the
+    name of an input and the index of its component, such as ``("clamp", 0)`` for x. The value is the error of this
+    input for the number 1.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -135,9 +137,10 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 def of_source(
     name: str, source: str, sizes: tuple[float, ...], decide_by: str, parts_of: tuple[str, ...] = ()
 ) -> PossibleCause:
-    """Return a possible error of the test bench that is a deviation of one uncertain input.
+    """Describe the error of a test bench that consists in one wrong input, such as the scale of the picture.
 
-    ``source`` is the name of the input, such as "scale", and ``sizes`` are the usual sizes of the deviation.
+    ``source`` is the name of the input, ``sizes`` are the usual sizes of its error, and ``parts_of`` are the names of
+    further inputs that may be wrong instead.
     """
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]

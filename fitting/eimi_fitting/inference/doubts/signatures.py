@@ -1,8 +1,8 @@
 """Compute how each possible error of a test bench (a cause) changes the residuals of a fit: the signature of the cause.
 
 A cause is described by one or several numbers, such as a shift in x and in y. The signature is the change of the
-residuals in mm divided by the number. It is computed by finite differences with the planar model on the coarse mesh of
-the search.
+residuals in mm divided by the number. It is computed by finite differences, with a planar beam model on the coarse mesh
+with which a fit begins its search.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """One number of a possible error of the test bench (such as its part in x), with its effect on the residuals.
+    """The effect of one component of an error of the test bench, such as a shift in x, on the residuals.
 
     Parameters
     ----------
     part : int
-        Index of the number among the numbers of the error.
+        Index of the component; 0 for x and 1 for y.
     datasets : tuple of int
-        Indices of the datasets that share the number.
+        Indices of the datasets that have the same value of the component.
     size : float
-        Prior standard deviation of the number.
+        Prior standard deviation of the component.
     start : float
-        Size of the number that the fit already assumes.
+        Value of the component for which the fit has already corrected the residuals.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm per unit of the number, (K, G, m): m points on each of G
-        edges (or in x and y) in K states. None if the error does not belong to the experiment or the model finds no
-        equilibrium.
+        For each experiment, the change of the residuals in mm per unit of the component, (K, G, m): K loads, G = 2
+        edges (or the coordinates x and y of tracked points), m points. None if the error does not belong to the
+        experiment or the model finds no equilibrium.
     """
 
     part: int
@@ -70,7 +70,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """The law, loads and inputs that a fit assumes for one experiment, with the simulated beam and its residuals."""
+    """What a fit assumes about one experiment, with the beam and the residuals of a simulation."""
 
     assumed: Assumed
     bent: Experiment
@@ -81,7 +81,8 @@ class Solved:
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
         """Simulate the beam under the assumptions of a fit, and compute its residuals.
 
-        The result is None if no equilibrium is found or the assumed specimen is invalid.
+        The result is None if no equilibrium is found or the assumed specimen is impossible. ``before`` is an earlier
+        simulation from which the solver may start.
         """
         try:
             return Solved._of(assumed, before)
@@ -116,7 +117,7 @@ class Solved:
         Returns
         -------
         ndarray, shape (K, 2, m) or ()
-            The factors of m points on the left and on the right edge in K states. The single number 1 for tracked
+            The factors of m points on the left and on the right edge under K loads. The single number 1 for tracked
             points.
         """
         observed = self.bent.observed
@@ -151,24 +152,26 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 class About:
     """The optimum of a fit, with the derivatives for a comparison of possible errors of the test bench (causes).
 
+    In the shapes, K is the number of loads, G = 2 the number of edges (or of coordinates of tracked points), and m the
+    number of points.
+
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Values of the unknowns at the optimum, from 0 to 1 between their bounds.
+        Values of the n unknowns at the optimum, from 0 to 1 between their bounds.
     kept : ndarray of int, shape (l,)
         Indices of the l unknowns that are no cause: those of the law, and some uncertain inputs.
     law_spread : ndarray, shape (l,)
-        Prior standard deviation of each of these unknowns.
+        Prior standard deviation of each of the l unknowns.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals in these unknowns, in mm: m points on each of G edges (or
-        in x and y) in K states.
+        For each experiment, the derivatives of the residuals by the l unknowns, in mm.
     residuals, used : tuple of ndarray, shape (K, G, m)
         For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
         comparison uses.
     in_error : tuple of ndarray, shape (K, G, m)
-        For each experiment, weights that are positive for points from which the error of a state is computed.
+        For each experiment, weights that are positive for points that count in the root mean square residuals.
     solved : tuple of Solved
         For each experiment, the simulation at the optimum. Empty if an experiment has no equilibrium.
     """
@@ -185,7 +188,7 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Simulate the optimum of a fit, and return it with its residuals and their derivatives in the unknowns.
+        """Simulate the optimum of a fit, and return it with the derivatives of its residuals by the unknowns.
 
         An unknown that is one of the possible errors of the test bench (``causes``) is left out of the derivatives.
         """
@@ -225,9 +228,10 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the size of an error of the test bench that was measured before the fit; 0 if it was not measured.
+        """Return the size of an error of the test bench for which the fit has already corrected the residuals.
 
-        A further deviation that the fit has determined is added.
+        It is the measured size, plus any further change by the fit; 0 if the error was not measured. ``part`` is the
+        index of the component: 0 for x, 1 for y.
         """
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
@@ -236,9 +240,9 @@ class About:
         return start + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the deviation of an input from its stated value that the fit has determined; 0 if it was no unknown.
+        """Return the fitted difference of an input from its stated value; 0 if the input was no unknown of the fit.
 
-        ``source`` is the name of the input, such as "clamp", and ``part`` the index of the number: 0 for x, 1 for y.
+        ``source`` is the name of the input, such as "clamp", and ``part`` the index of the component: 0 for x, 1 for y.
         """
         return sum(
             float(nuisance.value(self.unit[column]))
@@ -248,29 +252,30 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether an error of the test bench of the given size changes at least one residual noticeably.
+        """Return whether an error of the test bench changes at least one residual by more than 0.0001 mm.
 
-        ``changes`` has the changes of the residuals in mm by an error of the size 1, or None, for each experiment.
+        ``size`` is the size of the error. ``changes`` has, for each experiment, the changes of the residuals in mm by
+        an error of the size 1, or None.
         """
         return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Return the residuals of each experiment in mm for changed unknowns and given errors of the test bench.
+        """Simulate the residuals of each experiment in mm for a changed law and for some errors of the test bench.
 
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Changes of the l unknowns that are no possible error of the test bench.
+            Changes of the l unknowns that are no possible error of the test bench, such as those of the law.
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            Size of each error, counted from the stated values.
+            For each error, its components and their values, counted from the stated values of the inputs.
 
         Returns
         -------
         list of ndarray or None
-            The residuals, shape (K, G, m): m points on each of G edges (or in x and y) in K states. None if the model
-            finds no equilibrium or the specimen is invalid.
+            The residuals, shape (K, G, m): K loads, G = 2 edges (or the coordinates x and y of tracked points), m
+            points. None if the model finds no equilibrium or the specimen is impossible.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -299,9 +304,9 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return the law, the loads and the deviations of inputs that belong to given values of the unknowns of a fit.
+    """Return what a fit assumes about one experiment if its n unknowns have the values ``unit``, (n,).
 
-    ``unit`` (n,) has the values of the n unknowns, from 0 to 1 between their bounds.
+    The values are scaled to 0..1 between the bounds of the unknowns. ``dataset`` is the index of the experiment.
     """
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
@@ -314,9 +319,9 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the effects of an error of the test bench on the residuals; empty if it does not change them.
+    """Return the effects of an error of the test bench on the residuals, one for each component, such as a shift in x.
 
-    There is one `Column` for each number of the error, such as a shift in x.
+    The result is empty if the error does not change the residuals.
     """
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
@@ -343,7 +348,10 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm per unit of an error of the test bench; None without an equilibrium."""
+    """Return the change of the residuals in mm per unit of one component of an error; None without an equilibrium.
+
+    ``part`` is the index of the component, such as 0 for x. The finite differences have 0.3 times the step ``size``.
+    """
     if cause.change is None:
         return _as_solid(here)
     sides = []
@@ -359,7 +367,7 @@ def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Arr
 def _as_solid(here: Solved) -> Array | None:
     """Return the change of the residuals in mm if a three-dimensional model replaces the planar model.
 
-    The result is None if the three-dimensional model is already in use or does not give a result.
+    The result is None if the section is already solid or if the three-dimensional model does not give a result.
     """
     specimen = here.bent.model.specimen
     if specimen.section == "solid":

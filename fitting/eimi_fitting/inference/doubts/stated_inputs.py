@@ -1,6 +1,6 @@
-"""Compute how the inputs with a stated or assumed uncertainty change the residuals of a fit.
+"""Compute how errors of inputs with a stated or assumed uncertainty, such as a width, change the residuals of a fit.
 
-A deviation of such an input within its uncertainty counts as no error of the test bench.
+The other modules treat such an error as normal, and not as an error of the test bench, if it is within the uncertainty.
 """
 
 from __future__ import annotations
@@ -16,17 +16,23 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 
 
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
-    """Return how a deviation of each uncertain input (such as a width) would change the residuals of a fit.
+    """Return how an error of each uncertain input, such as a width, would change the residuals of a fit.
 
-    A key of the result is the name of the input, as a `PossibleCause`. An input that was measured is left out.
+    The uncertain inputs are those with a stated uncertainty, and those that the fit has determined with a prior. An
+    input is omitted if its error was measured, because the model of the fit then already contains this error.
 
     Parameters
     ----------
     about : About
         The optimum of the fit.
     possible : sequence of PossibleCause
-        The possible errors of the test bench. An input that the fit has determined is left out unless it is one of
-        them.
+        The possible errors of the test bench. An input that the fit has determined is only included if a wrong value of
+        it is one of these errors; all others are already counted with the unknowns of the law.
+
+    Returns
+    -------
+    dict of PossibleCause to tuple of Column
+        For each input, described as a `PossibleCause`, the changes of the residuals by each of its components.
     """
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):

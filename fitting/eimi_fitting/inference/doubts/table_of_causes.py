@@ -1,4 +1,4 @@
-"""List all possible errors of a test bench (causes of residuals) that a fit compares."""
+"""List all possible errors of a test bench that a fit compares as causes of its residuals."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _ACCURACY_MM = 1e-3
 
 
 def without_twist(
-    experiment: Experiment, bent: Experiment, law: Law, parameters: Array, angle_deg: float
+    experiment: Experiment, simulated: Experiment, law: Law, parameters: Array, angle_deg: float
 ) -> Experiment:
     """Return an experiment whose measured edges are corrected for the twist of the beam by its magnet.
 
@@ -30,8 +30,9 @@ def without_twist(
     ----------
     experiment : Experiment
         The experiment with the measured edges. It is returned unchanged without edges, magnet or equilibrium.
-    bent : Experiment
-        The same experiment with the assumed deviations of its inputs.
+    simulated : Experiment
+        The experiment from which the twist is computed: its specimen and loads may differ from those of ``experiment``
+        by errors that a fit assumes.
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (1, n)
@@ -40,10 +41,10 @@ def without_twist(
         Angle between the magnetic moment and the plane of the picture in degrees. The edges move outward if it is
         negative.
     """
-    specimen, observed = bent.model.specimen, experiment.observed
+    specimen, observed = simulated.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:
         return experiment
-    twisted = _twisted(bent, law, parameters)
+    twisted = _twisted(simulated, law, parameters)
     if twisted is None:
         return experiment
     middle, per_tilt = twisted
@@ -66,47 +67,51 @@ def without_twist(
     return replace(experiment, observed=replace(observed, points_mm=inner))
 
 
-def tip_twist_per_tilt(bent: Experiment, law: Law, parameters: Array) -> Array | None:
+def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Array | None:
     """Return the twist of the beam at the magnet in K states, (K,), divided by the small tilt of its magnetic moment.
 
     The tilt is the angle of the moment to the plane of the picture. The result is None without a magnet or without an
     equilibrium.
     """
-    twisted = _twisted(bent, law, parameters)
+    twisted = _twisted(simulated, law, parameters)
     return None if twisted is None else twisted[1][:, -1]
 
 
-def _twisted(bent: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
+def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
     """Return points on the middle line of the beam in mm, (K, S, 2), and the twist at these points, (K, S).
 
-    The twist is divided by the small angle between the magnetic moment and the plane of the picture.
+    The twist is divided by the small angle between the magnetic moment and the plane of the picture. There are S points
+    in each of K states.
     """
-    specimen = bent.model.specimen
+    specimen = simulated.model.specimen
     if specimen.magnet is None:
         return None
-    shapes = bent.model.solve(law, parameters, bent.loads, tolerance_mm=_ACCURACY_MM)
+    shapes = simulated.model.solve(law, parameters, simulated.loads, tolerance_mm=_ACCURACY_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
-    mesh, along_mm = bent.model.mesh, bent.model.grid.straight_mm[bent.model.mesh.row(0), 0]
+    mesh, along_mm = simulated.model.mesh, simulated.model.grid.straight_mm[simulated.model.mesh.row(0), 0]
     flexible = along_mm <= specimen.flexible_length_mm + 1e-6
     place = (mesh.nodes + shapes.displacement)[0]
     middle = 0.5 * (place[:, mesh.row(0)] + place[:, mesh.row(-1)])[:, flexible]
     modulus_Pa = float(law.initial_shear_modulus(parameters)[0])
     per_tilt = twist_per_tilt(
         middle,
-        *_moments_and_forces(middle, along_mm[flexible], bent, modulus_Pa),
-        specimen.magnet.moment_A_m2 * np.stack([-bent.loads.field_T[:, 1], bent.loads.field_T[:, 0]], axis=-1),
+        *_moments_and_forces(middle, along_mm[flexible], simulated, modulus_Pa),
+        specimen.magnet.moment_A_m2
+        * np.stack([-simulated.loads.field_T[:, 1], simulated.loads.field_T[:, 0]], axis=-1),
         3e-12 * modulus_Pa * specimen.width_mm * specimen.depth_mm**3 / 12,
         1e-12 * modulus_Pa * torsion_constant_mm4(specimen.width_mm, specimen.depth_mm),
     )
     return middle, per_tilt
 
 
-def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, modulus_Pa: float) -> tuple[Array, Array]:
+def _moments_and_forces(
+    middle_mm: Array, along_mm: Array, simulated: Experiment, modulus_Pa: float
+) -> tuple[Array, Array]:
     """Return bending moments in N m and forces in N between the points of the middle line of a bent beam."""
-    specimen = bent.model.specimen
-    rest = bent.model.mesh.nodes
-    first, last = bent.model.mesh.row(0), bent.model.mesh.row(-1)
+    specimen = simulated.model.specimen
+    rest = simulated.model.mesh.nodes
+    first, last = simulated.model.mesh.row(0), simulated.model.mesh.row(-1)
     at_rest = 0.5 * (rest[first] + rest[last])[: len(along_mm)]
 
     def angle_rad(line_mm: Array) -> Array:
@@ -116,5 +121,5 @@ def _moments_and_forces(middle_mm: Array, along_mm: Array, bent: Experiment, mod
     between_mm = 0.5 * (along_mm[1:] + along_mm[:-1])
     curvature_m = 1e3 * np.gradient(angle_rad(middle_mm) - angle_rad(at_rest), between_mm, axis=-1)
     stiffness_N_m2 = 3e-12 * modulus_Pa * specimen.depth_mm * specimen.width_mm**3 / 12
-    weight = weight_beyond_kg(specimen, between_mm)[:, None] * bent.loads.gravity[:, None]
-    return stiffness_N_m2 * curvature_m, weight + bent.loads.tip_force_N[:, None]
+    weight = weight_beyond_kg(specimen, between_mm)[:, None] * simulated.loads.gravity[:, None]
+    return stiffness_N_m2 * curvature_m, weight + simulated.loads.tip_force_N[:, None]

@@ -1,6 +1,6 @@
 """Compare the possible causes of the residuals of a fit, with simulations of the probable ones.
 
-A cause is a possible error of the test bench, and a hypothesis is a set of causes that are present.
+A cause is a possible error of the test bench. The comparison is between sets of causes that may be present together.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Exact:
     probability : ndarray, shape (1 + n,)
         Probability that none of these causes is present, and that each of them is present.
     posterior : Posterior
-        Probability density of the residuals and sizes of the causes, in the same order.
+        The evidence and the sizes of the errors in these 1 + n cases.
     classes : list of tuple of int
-        Groups of causes that the residuals do not distinguish.
+        Groups of causes that the residuals do not distinguish, as indices.
     """
 
     causes: list[int]
@@ -64,7 +64,7 @@ class Exact:
 
 
 class Weighing:
-    """The comparison of sets of at most two errors of the test bench (causes) that may explain the residuals."""
+    """The comparison of all sets of at most two errors of the test bench (causes) that may explain the residuals."""
 
     def __init__(
         self,
@@ -101,28 +101,33 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the factor by which each further error divides the prior probability of a set of errors."""
+        """Logarithm of the prior odds against one error of the test bench: ln(M - 1) for M possible errors."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of indices as the rows of one array; shorter lists are filled up with the index of no effect."""
+        """Return lists of indices of unknown numbers as one array, with one list in each row.
+
+        Shorter lists are filled up with the last index. It belongs to no unknown number, and its effect on the
+        residuals is zero.
+        """
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
             members[row, : len(indices)] = indices
         return members
 
     def shown(self, cause: int) -> int:
-        """Return how many of the numbers that describe an error of the test bench enter its reported size."""
+        """Return how many components of an error its reported size contains, such as two for a shift in x and y."""
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the positions of the sets of at most one error of the test bench in the list of all sets, as a slice.
+        """Return which sets of errors of the test bench contain at most one error, as a slice of the list of all sets.
 
-        The sets have exact or uncertain inputs, like the set with the index ``best``.
+        If inputs are uncertain, the list has each set twice: without and with errors of these inputs. The slice is from
+        the half that contains the set with the index ``best``.
         """
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
@@ -159,9 +164,9 @@ class Weighing:
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the uncertain inputs that are wrong if an error of the test bench is present, as indices.
+        """Return the indices of the uncertain inputs that are wrong if an error of the test bench is present.
 
-        For the error "wrong scale", the input is the scale.
+        Example: the scale of the picture, for the error "wrong scale". The indices are those of all unknown numbers.
         """
         stated_as = self._causes[cause].stated_as
         return [
@@ -172,19 +177,22 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the sum of squares of the change of the residuals by some unknown numbers, in units of the noise.
+        """Return the sum of squares of the change of the residuals by some wrong inputs, in units of the variance.
 
-        The numbers, such as deviations of inputs, have the indices ``rows`` and their most probable values.
+        The variance is that of noise and unexplained errors. The inputs, such as the width, have the indices ``rows``
+        among all unknown numbers. Their errors are the posterior means for the set of errors of the test bench with the
+        index ``base``.
         """
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of an error of the test bench that affects the residuals nearly as some wrong inputs do.
+        """Return the size of an error of the test bench that changes the residuals nearly as some wrong inputs do.
 
-        An input, such as the width, is wrong by its deviation. ``rows`` are the indices of the deviations, and
-        ``amounts`` their sizes. ``cause`` is the index of the error.
+        Example: the wrong scale of the picture that has the effect of a wrong width. ``rows`` are the indices of the
+        inputs among all unknown numbers, ``amounts`` the errors of these inputs, and ``cause`` is the index of the
+        error of the test bench. The size has one element for each component, such as x and y.
         """
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
@@ -201,14 +209,14 @@ class Weighing:
         Parameters
         ----------
         base : int
-            Index of the set of errors to which one further error at a time is added.
+            Index of the set of errors that are present in any case.
         rows : sequence of int
-            Indices of the exact inputs among all unknown numbers.
+            Indices of the inputs that are exact, among all unknown numbers.
 
         Returns
         -------
         Exact
-            The probabilities of the set alone and with each further error.
+            The probabilities that no further error is present, or one of the other errors.
         """
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
@@ -226,7 +234,10 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def posterior(self) -> Posterior:
-        """Return the probability density of the residuals for each set of errors of the test bench, and their sizes."""
+        """Return the probability density of the residuals for each set of errors of the test bench, and their sizes.
+
+        The probable sets are simulated, which corrects the linear model.
+        """
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -260,9 +271,9 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a set of test bench errors that was not simulated, and a similar simulated set.
+        """Return pairs of indices: a set of errors that was not simulated, and its most probable simulated part.
 
-        The simulation of the second set corrects the linear model of the first set.
+        The simulation of this part corrects the linear model of the whole set.
         """
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
@@ -292,7 +303,10 @@ class Weighing:
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the residuals that given errors of the test bench leave, in units of the noise."""
+        """Return the mean square of the residuals in the linear model, in units of the noise variance.
+
+        ``amplitudes`` has the values of all unknown numbers, such as sizes of errors of the test bench.
+        """
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
@@ -333,9 +347,10 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by some unknowns, such as errors of the test bench.
+        """Return the derivatives of the residuals by the unknown numbers with the indices ``active``.
 
-        The unknowns have the indices ``active``. The result is None without an equilibrium.
+        ``amplitudes`` has the values of all unknown numbers, such as sizes of errors. The result is None without an
+        equilibrium.
         """
         slopes = []
         for i in active:
@@ -374,7 +389,10 @@ class Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of those sets of errors of the test bench that are probable enough to be simulated."""
+        """Return the indices of those sets of errors of the test bench that are probable enough to be simulated.
+
+        ``far`` is the largest difference of the logarithm of the probability from the most probable set.
+        """
         score, rows = result.log_evidence + self.log_prior, []
         sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])
         for is_uncertain in np.unique(self.is_uncertain):
@@ -401,17 +419,19 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Return the simulated residuals in mm that given errors of the test bench leave; None without equilibrium.
+        """Simulate the residuals in mm after a correction for errors of the test bench; None without an equilibrium.
 
-        ``row`` is the index of the set of errors, and ``amplitudes`` has their sizes and the changes of the law.
+        ``row`` is the index of the set of errors. ``amplitudes`` has the sizes of the errors and the changes of the
+        law.
         """
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residuals in mm that given errors of the test bench leave, for each state.
+        """Return the root mean square residual of each state in mm after a correction for errors of the test bench.
 
-        There is one array (K,) with K states for each experiment.
+        ``amplitudes`` has the sizes of the errors and the changes of the law. The residuals are computed with the
+        linear model. There is one array (K,) with K states for each experiment.
         """
         errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(
