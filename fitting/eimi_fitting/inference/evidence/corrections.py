@@ -125,7 +125,7 @@ SOLID = Refinement(
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the better beam models (a finer mesh, a three-dimensional model) that the experiments need."""
+    """Return the kinds of more exact models that the experiments need: finer planar meshes, three-dimensional ones."""
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 

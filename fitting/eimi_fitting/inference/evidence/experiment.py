@@ -97,8 +97,9 @@ class Experiment:
     def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
         """Return residuals of the experiment ``before``, with the correction of this experiment instead of its own.
 
-        The experiments differ only in their corrections. A correction is the change of the residuals (measured minus
-        simulated positions, in mm) by a more exact beam model.
+        ``misfit`` contains the residuals of ``before``, which differs from this experiment only in its correction. A
+        correction is the change of the residuals (measured minus simulated positions, in mm) by a more exact beam
+        model.
         """
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)

@@ -268,7 +268,7 @@ class EdgeObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return the given distances from the edges (in mm) with their root mean square and standard deviation."""
+        """Return signed distances of edge points in mm, with their root mean square and deviation (see `Misfit`)."""
         weights = np.isfinite(self.sigma_mm).astype(float)
         total = np.maximum(weights.sum(axis=(1, 2)), 1.0)
         distance = np.abs(residuals)

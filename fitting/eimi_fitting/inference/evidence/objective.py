@@ -73,7 +73,7 @@ class Evaluation:
 
     @property
     def standardised(self) -> Array:
-        """The residuals of the tensile curves and of all priors, each divided by its standard deviation."""
+        """The residuals of m tensile points and of all f + q priors, each in standard deviations, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
@@ -157,8 +157,9 @@ class Problem:
     def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
         """Return an evaluation of the problem ``before``, with the corrections of this problem instead of its own.
 
-        A correction is the change of the residuals (measured minus simulated positions, in mm) by a more exact beam
-        model. The problems differ only in their corrections, so that no new simulation is needed.
+        ``evaluation`` was computed for ``before``, which differs from this problem only in its corrections. No new
+        simulation is therefore needed. A correction is the change of the residuals (measured minus simulated positions,
+        in mm) by a more exact beam model.
         """
         comparison = evaluation.comparison
         misfits = tuple(

@@ -87,7 +87,11 @@ class Source:
 
     @property
     def bends(self) -> bool:
-        """Whether an error of this input changes specimen, lens or loads, and not only the strength of the field."""
+        """Whether an error of this input changes specimen, view of the lens, or loads by more than a common factor.
+
+        `Experiment.under` applies such an error. `Setup` describes all other errors: a factor on the magnetic loads, or
+        a shift, rotation or scale of the image.
+        """
         return any((self.specimen, self.loads, self.lens))
 
     @property

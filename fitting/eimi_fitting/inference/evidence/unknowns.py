@@ -153,7 +153,7 @@ class Setup:
         return Setup(self.field_factor[rows], self.linear[rows], self.shift_mm[rows])
 
     def corrected(self, places_mm: Array) -> Array:
-        """Return true positions in mm from positions in the picture, for each assumed position of the camera."""
+        """Return true positions of points from positions in the image, for P sets of unknowns, (P, ..., 2) in mm."""
         lead = (len(self.shift_mm),) + (1,) * (places_mm.ndim - 1)
         moved = places_mm - self.shift_mm.reshape(*lead, 2)
         return np.einsum("pij,p...j->p...i", np.linalg.inv(self.linear), moved)
@@ -358,20 +358,22 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group the sets of unknowns that have the same specimen and loads, and need only one beam model.
+        """Group sets of unknowns so that all sets of a group have the same specimen and the same loads up to a factor.
+
+        One call of the solver then simulates a whole group. The factor multiplies the magnetic loads.
 
         Parameters
         ----------
         unit : ndarray, shape (P, n)
             P sets of the n unknowns, scaled to 0 to 1.
         datasets : int
-            Number of datasets.
+            How many datasets the fit has.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets, and one dictionary for each dataset: from the name of an input,
-            such as "width", to the deviations of its numbers from the specified values.
+            For each group, the indices of its sets, and one dictionary for each dataset. A key is the name of an input,
+            such as "width", and its value the deviations of the input's components from the specified values.
         """
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 

@@ -1,10 +1,9 @@
-"""Draw states of experiments at random with replacement, as the bootstrap method does to estimate uncertainties.
+"""Draw load cases of experiments at random with replacement, as the bootstrap method does to estimate uncertainties.
 
-A state is one load on the specimen, with the points of the edges that one frame shows. The light, the blur and the rest
-position of clamp and beam are common to one frame. An error of these quantities moves all points of the edges together.
-The points of a state are therefore dependent, and the states are assumed independent. Whole states are drawn
-(resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section 6.2.4). A state is thus a
-block of points, and the dependence within the block is kept (Künsch 1989, Ann. Statist. 17:1217).
+The edges of one load case are measured in one frame. An error of light, blur or rest position moves all points of a
+frame together. The points of a load case are therefore dependent, and the load cases are assumed independent. Whole
+load cases are drawn (resampling cases: Davison and Hinkley 1997, Bootstrap Methods and their Application, section
+6.2.4). The dependence of the points within a load case is thus kept (Künsch 1989, Ann. Statist. 17:1217).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from eimi_fitting.inference.evidence.experiment import Experiment
 
 
 def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> list[Experiment]:
-    """Return each experiment with its load states drawn at random with replacement (a bootstrap sample).
+    """Return each experiment with its load cases drawn at random with replacement (a bootstrap sample).
 
     Parameters
     ----------
@@ -26,12 +25,12 @@ def resampled(experiments: Sequence[Experiment], seed: int, replicate: int) -> l
     seed : int
         Seed of the random numbers.
     replicate : int
-        Number of the random sample. The same seed and number always draw the same states.
+        Index of the bootstrap sample. The same seed and index always give the same load cases.
 
     Returns
     -------
     list of Experiment
-        One random sample of each experiment.
+        The experiments with as many load cases as before. A load case may occur several times.
     """
     replicates = []
     for index, experiment in enumerate(experiments):

@@ -1,13 +1,13 @@
 """Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
-A source (of uncertainty) is an input with a stated uncertainty, such as the width of the beam. Let x be the optimum,
-d_s the change of the optimum for one standard uncertainty of source s (`inference.interval.considered`), and mu(x) the
-initial shear modulus. The source has the effect
+An uncertain input is an input of the simulation with a specified standard uncertainty, such as the width of the beam.
+Let x be the best values of the unknowns, d_s their change for an error of input s of one standard uncertainty
+(`inference.interval.considered`), and mu(x) the initial shear modulus. The effect of the input is
 
     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
 
-A source may have several parts, such as x and y of the clamp. The effect of the source is then the root of the sum of
-the squared effects of the parts.
+An input may have several components, such as x and y of the clamp. Its effect is then the root of the sum of the
+squared effects of the components.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class BudgetEntry:
     words : str
         Full name of the input.
     standard_uncertainty : float
-        The stated standard uncertainty, in ``unit``.
+        Standard uncertainty of the input, in ``unit``.
     unit : str
         Unit of the input.
     datasets : tuple of int
-        Indices of the datasets that share the error of this input, counted from 0.
+        Indices of the datasets that have the same error of this input, counted from 0.
     effect_percent : float
         Standard deviation of the initial shear modulus due to this input alone, in per cent of the modulus.
     """
@@ -75,7 +75,7 @@ class MeasureNext:
 
 @dataclass(frozen=True)
 class Moves:
-    """Random errors of the n unknowns of a fit in D draws, for the 95 % intervals.
+    """Random errors of the n fitted unknowns in D draws, from which the 95 % intervals are computed.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Moves:
     deviations : ndarray, shape (D, S)
         Random errors of the S uncertain inputs, in standard uncertainties.
     steps : Steps
-        The effect of each uncertain input on the best values.
+        The change of the best values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
         Errors for any other reason, scaled as ``unit``; 0 by default.
     """
@@ -100,7 +100,7 @@ class Moves:
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
         """Return D random draws of the n unknowns: the best values plus random errors.
 
-        A factor of 0 omits a kind of error, and 0.5 halves it, as a better measurement would.
+        A factor of 0 omits errors of one kind, and a factor of 0.5 halves them, as a better measurement would.
 
         Parameters
         ----------
@@ -127,18 +127,18 @@ def budget(
     Parameters
     ----------
     sources : sequence of ConsideredSources
-        The S uncertain inputs, or their parts, in the order of ``moves``.
+        S uncertain inputs, or components of inputs such as x and y of the clamp.
     moves : Moves
-        Random errors of the unknowns.
+        Random errors of the n unknowns, with the errors of the S inputs in the order of ``sources``.
     modulus : callable
         Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
 
     Returns
     -------
     entries : tuple of BudgetEntry
-        One for each input, the largest effect first.
+        One for each input and each group of datasets with the same error of it, the largest effect first.
     measure_next : MeasureNext
-        The input with the largest effect, or the edges if their noise has a larger effect.
+        The input with the largest effect, or the edges if noise, priors and beam models together have a larger effect.
     """
     entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
     noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
@@ -158,18 +158,18 @@ def budget_entries(
     Parameters
     ----------
     sources : sequence of ConsideredSources
-        The S uncertain inputs, or their parts.
+        S uncertain inputs, or components of inputs such as x and y of the clamp.
     unit : ndarray, shape (n,)
         Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     sizes : ndarray, shape (S, n)
-        Change of the best values for one standard uncertainty, scaled as ``unit``.
+        Change of the best values for one standard uncertainty of each input or component, scaled as ``unit``.
     modulus : callable
         Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
 
     Returns
     -------
     tuple of BudgetEntry
-        One for each input.
+        One for each input and each group of datasets with the same error of it.
     """
     ends = modulus(np.clip(unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
     effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / float(modulus(unit[None])[0])

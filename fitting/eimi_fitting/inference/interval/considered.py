@@ -1,18 +1,19 @@
-"""Compute the effect of the uncertainties of inputs on the residuals and on the optimum of a fit.
+"""Compute the effect of uncertain inputs on the residuals and on the optimum of a fit.
 
-A source is an input with a standard uncertainty that a file specifies. A source that is not freed (determined by the
-fit) keeps its stated value in the fit, and an error of this value changes the optimum. Let c_s be the change of the
-residuals for one standard uncertainty of source s, J the derivatives of the residuals in the unknowns, W the weights of
-the residuals, and H the Hessian (`inference.interval.covariance`). The optimum changes by
+An uncertain input, such as the width, has a standard uncertainty that a file specifies. An input that is not fitted
+together with the law keeps its specified value in the fit, and an error of this value changes the optimum. Let c_s be
+the change of the residuals for an error of input s of one standard uncertainty, J the derivatives of the residuals in
+the unknowns, W the weights of the residuals, and H the Hessian (`inference.interval.covariance`). The optimum changes
+by
 
     d_s = -inv(H) J' W c_s
 
-and the covariance of the estimate grows by the sum of d_s d_s' over all sources (consider covariance: Schmidt 1966,
-Adv. Control Syst. 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
+and the covariance of the estimate grows by the sum of d_s d_s' over all these inputs (consider covariance: Schmidt
+1966, Adv. Control Syst. 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
 
 The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh of the search.
-One standard uncertainty changes the shapes of the beam only a little. The solver therefore starts from the shapes for
-the stated values of the sources.
+Because one standard uncertainty changes the shapes of the beam only a little, the solver starts from the shapes for the
+specified values of the inputs.
 """
 
 from __future__ import annotations
@@ -44,19 +45,20 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """An uncertain input, such as a width, and the change of the residuals for one standard uncertainty.
+    """One component of an uncertain input, such as x of the clamp, and the change of the residuals by its uncertainty.
 
     Parameters
     ----------
     name : str
-        Name of the input in a result.
+        Name of the component in a result.
     shared : SharedUnknowns
-        The input, and the datasets that share its error.
+        The input, its standard uncertainty, and the datasets with the same error of the input.
     part : int
-        Index of the number if the input has several numbers, such as x and y.
+        Index of the component, such as 1 for y; 0 if the input has only one.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in
-        x and y) in K states. None if the input does not belong to the experiment or the beam has no equilibrium.
+        For each experiment, the change of the residuals in mm for one standard uncertainty, shape (K, G, m): m points
+        on each of G edges (or in x and y) in K load cases. None if the input does not belong to the experiment, or if
+        the solver finds no equilibrium.
     """
 
     name: str
@@ -71,12 +73,12 @@ class ConsideredSources:
 
     @property
     def freed(self) -> Nuisance:
-        """The input as an unknown of a fit, with its standard uncertainty as standard deviation of the prior."""
+        """The component as an unknown of a fit, with its standard uncertainty as standard deviation of the prior."""
         return Nuisance(self.name, self.shared.source, self.part, self.shared.datasets, self.standard_uncertainty)
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the inputs with a stated uncertainty that the fit does not determine.
+    """Return the inputs with a specified uncertainty that are not fitted together with the law.
 
     Their uncertainties widen the intervals of the result.
     """
@@ -94,9 +96,9 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return important inputs without a stated uncertainty, each with its usual uncertainty.
+    """Return important inputs for which no file specifies an uncertainty, each with its usual uncertainty.
 
-    The intervals of the result do not contain the effect of these inputs.
+    The intervals of the result do not contain the effect of these inputs; it is reported separately.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
@@ -110,7 +112,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether a magnetic field acts in the experiment and the input belongs to the model of the specimen."""
+    """Return whether an error of the input can have an effect: it changes the specimen, and a magnetic field acts."""
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -119,7 +121,7 @@ def _concerns(source: str, experiment: Experiment) -> bool:
 def considered(
     problem: Problem, unit: Array, groups: Sequence[SharedUnknowns] | None = None
 ) -> tuple[ConsideredSources, ...]:
-    """Return the effect of each uncertain input on the residuals of a fit.
+    """Return the change of the residuals of a fit by the uncertainty of each input, such as the width.
 
     Parameters
     ----------
@@ -128,12 +130,12 @@ def considered(
     unit : ndarray, shape (n,)
         Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     groups : sequence of SharedUnknowns, optional
-        The uncertain inputs; by default all with a stated uncertainty that the fit does not determine.
+        The uncertain inputs; by default all with a specified uncertainty that are not fitted together with the law.
 
     Returns
     -------
     tuple of ConsideredSources
-        One for each input, or part of an input, whose effect could be computed in at least one experiment.
+        One for each component of an input whose effect could be computed in at least one experiment.
     """
     chosen = sources_of(problem) if groups is None else groups
     numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
@@ -161,14 +163,14 @@ def changes_of(
     unit : ndarray, shape (n,)
         Values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     numbers : sequence of (SharedUnknowns, int)
-        For each deviation, an uncertain input and the index of one of its numbers, such as x and y.
+        For each deviation, an uncertain input and the index of the component that deviates, such as 1 for y.
 
     Returns
     -------
     list of list
-        For each experiment and each deviation, the change of the residuals in mm, shape (K, G, m), for m points on each
-        of G edges (or in x and y) in K states. None if the input does not belong to the experiment or the beam has no
-        equilibrium.
+        One list for each experiment, with one element for each deviation: the change of the residuals in mm, shape (K,
+        G, m), for m points on each of G edges (or in x and y) in K load cases. None if the input does not belong to the
+        experiment, or if the solver finds no equilibrium.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -199,7 +201,7 @@ def _changes(
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hyperelastic law with values of its n parameters, and deviations of the inputs fitted with the law.
+    """Values of the parameters of a law and of the inputs that are fitted with it, for one simulation.
 
     Parameters
     ----------
@@ -210,8 +212,8 @@ class Candidate:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        For each fitted input: its name, the index of one of its numbers (such as x and y), and the deviation in the
-        unit of the input.
+        For each fitted input: its name, the index of a component (such as 1 for y), and the deviation of this component
+        from the specified value in the unit of the input.
     """
 
     law: Law
@@ -232,25 +234,25 @@ def changes_by(
     numbers: Sequence[tuple[str, int, float]],
     near: Configuration | None = None,
 ) -> list[Array | None]:
-    """Return the change of the residuals for each of several deviations of inputs.
+    """Return the change of the residuals for each of several errors of inputs.
 
     Parameters
     ----------
     candidate : Candidate
-        The law and the inputs fitted with it.
+        The values of the law's parameters and of the inputs fitted with the law.
     experiment : Experiment
         The experiment. Its beam is simulated with a planar model of few elements.
     numbers : sequence of (str, int, float)
-        For each deviation: the name of the input, the index of one of its numbers, and the size in the unit of the
-        input.
+        For each error: the name of the input, the index of the component (such as 1 for y), and the error in the unit
+        of the input.
     near : Configuration, optional
-        Shapes of the beam from which the solver starts, one for each state.
+        Shapes of the beam from which the solver starts, one for each load case.
 
     Returns
     -------
     list of ndarray or None
-        For each deviation, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in x
-        and y) in K states. None if the beam has no equilibrium.
+        For each error, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in x and
+        y) in K load cases. None if the solver finds no equilibrium.
     """
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
@@ -293,15 +295,16 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The change of the best values of n unknowns for one standard uncertainty of each of S inputs.
+    """The changes of the best values of n unknowns by S uncertain inputs, and by the bounds of the search.
 
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        The changes, scaled so that the bounds of the search are 0 and 1.
+        Change of the best values for an error of each input of one standard uncertainty. The values are scaled so that
+        the bounds of the search are 0 and 1.
     held : ndarray, shape (n,)
-        Change of the best values if the search had no bounds, scaled in the same way, but at most two standard
-        deviations. Zero if no unknown lies on a bound.
+        Change of the best values if the bounds of the search were removed, scaled in the same way and limited to two
+        standard deviations of an unknown. Zero if no unknown lies on a bound, or if S = 0.
     """
 
     sizes: Array
@@ -314,14 +317,14 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the change of the best values of the unknowns for one standard uncertainty of each input.
+    """Return the changes of the best values of the unknowns by uncertain inputs, and by the bounds of the search.
 
     Parameters
     ----------
     about : Linearisation
         The residuals as linear functions of the n unknowns.
     sources : sequence of ConsideredSources
-        The S uncertain inputs, or their parts.
+        S uncertain inputs, or components of inputs such as x and y of the clamp.
     covariance : ndarray, shape (n, n)
         Covariance of the unknowns due to noise and priors.
 

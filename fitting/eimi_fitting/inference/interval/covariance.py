@@ -1,24 +1,24 @@
-"""Linearise the evidence of a fit (edges, tensile curves, priors) about its optimum, and compute the covariance there.
+"""Linearise the residuals of a fit (of edges, tensile curves and priors) about the optimum, and compute its covariance.
 
-State k has N_k points. Its residuals r_k have the root mean square e_k and the derivatives (slopes) J_k = dr_k/dx in
-the unknowns x. K is the number of states, e the mean of the errors e_k, and N the number of independent points
-(`inference.evidence.objective`). In the likelihood, the squared residuals of state k have the weight
+Load case k has N_k points. Its residuals r_k have the root mean square e_k and the derivatives (slopes) J_k = dr_k/dx
+in the unknowns x. K is the number of load cases, e the mean of the errors e_k, and N the number of independent points
+(`inference.evidence.objective`). In the likelihood, the squared residuals of load case k have the weight
 
     w_k = N / (K e N_k e_k).
 
-Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). The data have
-the information A, and the score (the gradient of minus the log-likelihood) has the variance B:
+Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). The Hessian A
+of minus the log-likelihood and the covariance matrix B of its gradient are
 
     A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k.
 
-Tensile curves with the standardised residuals z add dz/dx' dz/dx to A. With the inverse variance P of the priors, the
+Tensile curves with the standardised residuals z add dz/dx' dz/dx to A. With the inverse prior covariance P, the
 covariance of the optimum is
 
     C = inv(A + P) (B + P) inv(A + P).
 
-This form is needed because the weights of the states differ from the inverse variance of their noise (sandwich
-covariance: Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all states are equally noisy,
-A equals B and C is inv(A + P).
+This form is needed because the weights of the load cases differ from the inverse variance of their noise (sandwich
+covariance: Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all load cases are equally
+noisy, A equals B and C is inv(A + P).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinearStates:
-    """The residuals of one experiment with K load states, as linear functions of n unknowns.
+    """The residuals of one experiment with K load cases, as linear functions of the n unknowns of a fit.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ class LinearStates:
     used : ndarray, shape (K, G, m)
         Above zero for points that are used, else zero.
     weights : ndarray, shape (K,)
-        Weight of the squared residuals of each state in the likelihood, in 1/mm^2.
+        Weight of the squared residuals of each load case in the likelihood, in 1/mm^2.
     counts : ndarray, shape (K,)
-        Number of points of each state.
+        Number of points in each load case.
     error_mm : ndarray, shape (K,)
-        Root mean square residual of each state in mm.
+        Root mean square residual of each load case in mm.
     """
 
     residuals: Array
@@ -65,17 +65,17 @@ class LinearStates:
 
     @property
     def information(self) -> Array:
-        """The Hessian of minus the log-likelihood of this experiment in n unknowns, shape (n, n)."""
+        """The Hessian of minus the log-likelihood of this experiment in the n unknowns, shape (n, n)."""
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the gradient of minus the log-likelihood in n unknowns, shape (n,), for given residuals in mm."""
+        """Return the gradient of minus the log-likelihood in the n unknowns, (n,), for residuals (K, G, m) in mm."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the variance of the gradient of the log-likelihood of this experiment in n unknowns, (n, n).
+        """Return the covariance matrix (n, n) of the gradient of this experiment's log-likelihood in the n unknowns.
 
-        Neighbouring residuals are correlated, which increases the variance.
+        The correlation of neighbouring residuals increases it.
         """
         if isinstance(observed, EdgeObservation):
             # sum over the states of tau w^2 e^2 J'J: weight w, error e, slopes J, and tau points as one independent
@@ -100,7 +100,7 @@ class LinearStates:
 class Linearisation:
     """The residuals of a fit (edges, tensile curves, priors) as linear functions of n unknowns near the optimum.
 
-    Noise is the part of the residuals that no error of an uncertain input explains.
+    Noise is the part of the residuals that no error of an uncertain input, such as the width, explains.
 
     Parameters
     ----------
@@ -113,28 +113,29 @@ class Linearisation:
     points : int
         Number of measured points of all experiments.
     independent_points : float
-        Number of independent points, estimated from all residuals; neighbouring points are correlated.
+        How many points are independent, estimated from the correlation of all residuals.
     likelihood_points : float
-        Number of independent points for the weights of the likelihood.
+        Number of independent points from which the weights of the residuals in the likelihood are computed. If there
+        are uncertain inputs, it is chosen so that the weights follow from the noise alone.
     noise_points : float
-        Number of independent points, estimated from the noise alone.
+        How many points are independent, estimated from the correlation of the noise.
     noise_mm : float
-        Mean over the states of the root mean square noise, in mm.
+        Mean over the load cases of the root mean square noise, in mm.
     residual_mm : float
         Root mean square of all residuals, in mm.
     curves : ndarray, shape (m,)
-        Standardised residuals of the m rows of the tensile curves.
+        Residuals of the m points of the tensile curves, each divided by its standard deviation.
     curve_slopes : ndarray, shape (n, m)
         Derivatives of ``curves`` in the n unknowns.
     priors : ndarray, shape (f,)
-        Deviations of the f fitted inputs from their stated values, in standard deviations of their priors.
+        Deviations of the f fitted inputs from their specified values, in standard deviations of their priors.
     law_priors : ndarray, shape (q,)
-        Standardised residuals of the q priors on the law's parameters.
+        Residuals of the q priors on the law's parameters, each divided by its standard deviation.
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        Hessian of minus the log-likelihood (``information``), variance of its gradient (``score_variance``), and
-        inverse variance of all priors but those on the law's parameters (``prior``).
+        Hessian of minus the log-likelihood (``information``), covariance matrix of its gradient (``score_variance``),
+        and inverse covariance of all priors except those on the law's parameters (``prior``).
     """
 
     unit: Array
@@ -157,17 +158,17 @@ class Linearisation:
 
     @property
     def law_prior_information(self) -> Array:
-        """The Hessian of minus the logarithm of the priors on the law's parameters in n unknowns, shape (n, n)."""
+        """The Hessian of minus the logarithm of the priors on the law's parameters, in the n unknowns, shape (n, n)."""
         return np.asarray(self.law_prior_slopes @ self.law_prior_slopes.T)
 
     @property
     def hessian(self) -> Array:
-        """The Hessian of minus the logarithm of the likelihood times all priors in n unknowns, shape (n, n)."""
+        """The Hessian of minus the logarithm of the likelihood times all priors, in the n unknowns, shape (n, n)."""
         return self.information + self.prior + self.law_prior_information
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the logarithm of the likelihood times all priors in n unknowns, shape (n,).
+        """The gradient of minus the logarithm of the likelihood times all priors, in the n unknowns, shape (n,).
 
         It is zero at an optimum inside the bounds.
         """
@@ -179,7 +180,7 @@ class Linearisation:
     def score_of(self, candidates: Evaluation) -> Array:
         """Return the gradient of minus the log-likelihood at P sets of values of the n unknowns, shape (P, n).
 
-        It contains the priors on fitted inputs, but not the priors on the law's parameters.
+        The gradient contains the priors on fitted inputs, but not the priors on the law's parameters.
         """
         # The slopes are those of the optimum, so that no further simulation is needed.
         total = candidates.curves @ self.curve_slopes.T
@@ -196,13 +197,12 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return how far each prior on a parameter is from the value that all other data give, in standard deviations.
+        """Return how far each prior on a parameter is from the estimate of the parameter without this prior.
 
         Returns
         -------
         tuple of float
-            One distance for each prior, in standard deviations of the difference; positive if the parameter is above
-            the mean of the prior.
+            For each prior, the estimate minus the mean of the prior, in standard deviations of this difference.
         """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
@@ -213,7 +213,7 @@ class Linearisation:
         return tuple(distances)
 
     def covariance(self, widened: float = 1.0) -> Array:
-        """Return the covariance of the n unknowns, shape (n, n), for noise ``widened`` times as large as estimated."""
+        """Return the covariance matrix (n, n) of the unknowns, for noise ``widened`` times as large as estimated."""
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -221,12 +221,12 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return how many neighbouring residuals count as one independent residual.
+    """Return how many neighbouring residuals count as one independent residual, because their errors are similar.
 
     Parameters
     ----------
     residuals : ndarray, shape (K, G, m)
-        Residuals in mm at m neighbouring points on each of G edges (or in x and y) in K states.
+        Residuals in mm at m neighbouring points on each of G edges (or in x and y) in K load cases.
     weights : ndarray, shape (K, G, m)
         Zero for points that are not used.
     observed : EdgeObservation or PointObservation
@@ -235,7 +235,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
     Returns
     -------
     float
-        The number of residuals, at least 1.
+        How many residuals count as one, at least 1.
     """
     # Errors of lens, light and law are similar along an edge and in neighbouring states.
     if isinstance(observed, EdgeObservation):
@@ -246,9 +246,9 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return how many of the measured points of all experiments count as independent, from their residuals.
+    """Return how many of the measured points of all experiments count as independent.
 
-    Neighbouring points have similar errors, so that several of them count as one.
+    ``misfits`` contains the residuals of each experiment. Their correlation gives the result.
     """
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
@@ -259,14 +259,16 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
+    The functions are valid near the optimum.
+
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The best values of the unknowns, with simulations for nearby values.
+        The best values of the unknowns, and simulations for nearby values.
     likelihood_points : float, optional
-        Number of independent points for the weights of the likelihood; estimated from the residuals by default.
+        Number of independent points for the weights of the residuals; estimated from the residuals by default.
 
     Returns
     -------
@@ -324,7 +326,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the variance of the gradient of the log-likelihood of the tensile curves in n unknowns, (n, n)."""
+    """Return the covariance matrix (n, n) of the gradient of the tensile curves' log-likelihood in the n unknowns."""
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:

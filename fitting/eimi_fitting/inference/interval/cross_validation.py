@@ -1,4 +1,4 @@
-"""Estimate the error of states that were omitted from a fit (cross-validation)."""
+"""Estimate the error of a fit in load cases that were omitted from it (cross-validation)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ Array = NDArray[np.float64]
 
 
 def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Return the mean error of a fit in load states that were left out of it (cross-validation).
+    """Return the mean error of a fit in load cases that were omitted from it (cross-validation).
+
+    The load cases are divided into groups, and each group is omitted once. Because the residuals are linear, the fit to
+    the remaining load cases needs no new simulation.
 
     Parameters
     ----------
@@ -22,12 +25,12 @@ def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds
     hessian : ndarray, shape (n, n)
         Hessian of minus the logarithm of the likelihood times the priors.
     folds : int
-        Number of groups of states; each group is left out once.
+        Number of groups.
 
     Returns
     -------
     float or None
-        Mean root mean square residual of the omitted states in mm; None if there is only one state.
+        Mean root mean square residual of the omitted load cases in mm; None if there is only one load case.
     """
     states = [(experiment, k) for experiment in experiments for k in range(len(experiment.weights))]
     if len(states) < 2:

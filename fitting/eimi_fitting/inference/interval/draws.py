@@ -24,7 +24,7 @@ _DIGITS = 7
 
 @dataclass(frozen=True)
 class Draws:
-    """Random draws of the parameters of an identified law and of the errors of the uncertain inputs.
+    """Random draws of the parameters of a fitted law and of the errors of uncertain inputs, such as the width.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Draws:
     names : tuple of str
         Names of the law's parameters, then names of the uncertain inputs.
     values : tuple of tuple of float
-        One row for each draw: the parameters in their units, then the deviations of the inputs from their stated
+        One tuple for each draw: the parameters in their units, then the deviations of the inputs from their specified
         values, in the units of the inputs.
     """
 
@@ -42,12 +42,12 @@ class Draws:
     values: tuple[tuple[float, ...], ...]
 
     def column(self, name: str) -> Array:
-        """Return the D draws (D,) of the parameter or input ``name``; raise ValueError for an unknown name."""
+        """Return all D draws (D,) of one parameter or input; raise ValueError if ``name`` is unknown."""
         return np.array(self.values)[:, self.names.index(name)]
 
 
 def normal_draws(rng: np.random.Generator, n: int) -> Array:
-    """Return 4000 draws of n independent standard normal numbers, shape (4000, n)."""
+    """Return 4000 draws of n independent variables with a standard normal distribution, shape (4000, n)."""
     # Latin hypercube: each of D equally probable ranges of a number contains one draw (McKay, Beckman and Conover 1979,
     # Technometrics 21:239).
     ranks = rng.permuted(np.tile(np.arange(_DRAWN), (n, 1)), axis=1).T
@@ -57,7 +57,7 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw random errors of the n unknowns due to noise, priors and the beam models.
+    """Draw random errors of the n unknowns of a fit due to noise, priors and the beam models.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ def draw_noise(
     ends : Ends
         Ends of the 95 % intervals, for unknowns with an asymmetric interval.
     model_errors : ndarray, shape (C, n)
-        Change of the unknowns by one standard deviation of each of C errors of the beam models.
+        C independent errors of the beam models: for each, the change of the unknowns by one standard deviation.
     modulus_errors : ndarray, shape (C,)
-        Standard deviation of a further, independent error of the first unknown, for each of the C errors.
+        Standard deviations of C further errors that change the first unknown only.
 
     Returns
     -------
@@ -94,7 +94,10 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of 400 of 4000 random draws for a result file, from the modulus of each draw, (4000,)."""
+    """Return the indices of every tenth of 4000 draws in the order of their modulus, to store only 400 draws.
+
+    ``modulus`` (4000,) contains the modulus of each draw. Its quantiles hardly change by the selection.
+    """
     stride = _DRAWN // _KEPT
     # Every tenth draw in the order of the modulus: the quantiles of the modulus hardly change.
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
@@ -121,7 +124,7 @@ def draw_parameters(
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
-        Function that returns the initial shear moduli (D,) of D sets of parameters (D, n).
+        Function that returns the initial shear moduli (D,) for D sets of parameters (D, n).
     seed : int
         Seed of the random numbers.
 
@@ -140,7 +143,7 @@ def draw_parameters(
 
 
 def rounded(values: Array) -> Array:
-    """Return numbers rounded to the seven significant digits that a result file stores."""
+    """Return the numbers rounded to seven significant digits, as a result file stores them."""
     with np.errstate(divide="ignore"):
         size = np.where(values == 0, 1.0, 10.0 ** (_DIGITS - 1 - np.floor(np.log10(np.abs(values)))))
     return np.asarray(np.round(values * size) / size)
@@ -153,8 +156,8 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with its 95 % interval from all uncertainties, and its interval from the fit alone.
+    """Return a value with its 95 % interval from all uncertainties, and its 95 % interval from noise and mesh alone.
 
-    The intervals are quantiles of the random draws ``drawn`` and ``fit_alone``.
+    The intervals are quantiles of random draws: of ``drawn`` and of ``fit_alone``.
     """
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

@@ -1,14 +1,15 @@
-"""Compute the 95 % intervals of the unknowns of a fit, and name the combinations of unknowns that the data determine.
+"""Compute the 95 % intervals of the unknowns of a fit, and find the combinations of unknowns that the data determine.
 
 - The covariance of the optimum is computed from residuals that are linear in the unknowns near the optimum
-  (`inference.interval.covariance`). The noise level is computed from the residuals.
-- If the objective is not quadratic, the profile likelihood gives the ends (`inference.interval.profile_likelihood`).
+  (`inference.interval.covariance`). The size of the noise is computed from the residuals.
+- If the objective is not quadratic, the ends of the intervals are computed from the profile likelihood
+  (`inference.interval.profile_likelihood`).
 - The remaining error of the beam model widens the intervals (`inference.evidence.corrections`).
 - The uncertainties of specimen, calibration and rig also widen the intervals (`inference.interval.considered`). Inputs
-  without a stated uncertainty are assumed exact.
+  without a specified uncertainty are assumed exact.
 
-The bounds of the search are a normal prior, with the variance of a uniform distribution between the bounds. An unknown
-that the data do not determine keeps this variance and is reported as not fixed.
+The bounds of the search count as a normal prior, with the variance of a uniform distribution between the bounds. An
+unknown that the data do not determine keeps nearly this variance and is reported as not fixed.
 """
 
 from __future__ import annotations
@@ -58,16 +59,16 @@ _SLOPE_STEP = 1e-4  # step of a finite difference, as a share of the coordinate'
 
 @dataclass(frozen=True)
 class FreedNuisance:
-    """An uncertain input that was fitted with the law, and its deviation from the stated value.
+    """An input that was fitted together with the law, such as the width, and its deviation from the specified value.
 
     Parameters
     ----------
     name : str
         Name of the input in a result.
     datasets : tuple of int
-        Indices of the datasets that share the input, counted from 0.
+        Indices of the datasets with the same deviation, counted from 0.
     deviation : Quantity
-        Fitted value minus stated value, with intervals.
+        Fitted value minus specified value, with intervals.
     prior_standard_deviation : float
         Standard deviation of the prior, in the unit of the deviation.
     """
@@ -80,14 +81,15 @@ class FreedNuisance:
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """The change of the initial shear modulus by a better beam model, such as a finer mesh.
+    """The change of the initial shear modulus by a more exact beam model, such as a finer mesh.
 
     Parameters
     ----------
     change_percent : float or None
-        Change of the modulus in per cent; None if the better model finds no equilibrium.
+        Change of the modulus in per cent; None if the solver finds no equilibrium with the more exact model.
     left_percent : float or None
-        95 % bound of the remaining error of the modulus in per cent; None if the better model finds no equilibrium.
+        95 % bound of the error of the modulus with the more exact model, in per cent; None if the solver finds no
+        equilibrium.
     """
 
     change_percent: float | None
@@ -107,21 +109,21 @@ class Estimate:
     bulk_modulus : Quantity or None
         The bulk modulus in Pa; None unless it was fitted.
     freed : tuple of FreedNuisance
-        The uncertain inputs that were fitted with the law.
+        The uncertain inputs, such as the width, that were fitted with the law.
     identifiability : Identifiability
         The unknowns that the data determine, and those that they do not determine.
     mesh, section_change : CorrectionEffect or None
         Effect of a mesh twice as fine (``mesh``) and of a three-dimensional model of a solid section
         (``section_change``); None if it does not apply.
     held_out_error_mm : float or None
-        Mean root mean square residual of states left out of the fit, in mm (cross-validation); None if there is only
-        one state.
+        Mean root mean square residual of load cases omitted from the fit, in mm (cross-validation); None if there is
+        only one load case.
     budget : tuple of BudgetEntry
         Effect of each uncertain input on the initial shear modulus, the largest first.
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Effect of important inputs without a stated uncertainty, for their usual uncertainty; not in the intervals.
+        Effect of important inputs without a specified uncertainty, for their usual uncertainty; not in the intervals.
     draws : Draws or None
         Random draws whose quantiles are the intervals; None in result files of earlier releases.
     """
@@ -158,15 +160,15 @@ def estimate(
     optimum : Optimum
         The best values of the unknowns.
     effects : sequence of Effect
-        Changes of the best values by better beam models.
+        Changes of the best values by more exact beam models.
     noise : Noise
         The residuals near the best values, with noise separated from errors of uncertain inputs.
     refinements : sequence of str
-        Names of the better beam models that were tried.
+        Names of the more exact beam models that were tried.
     seed : int
         Seed of the random draws.
     shift_percent : float
-        95 % bound of a further error of the modulus in per cent, such as an error of the bench.
+        95 % bound of a further error of the modulus in per cent, such as an error of the test bench.
 
     Returns
     -------
@@ -211,21 +213,21 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect on the modulus of each important input without a stated uncertainty."""
+    """Return the effect on the modulus of each important input for which no file specifies an uncertainty."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors of n unknowns that remain after C corrections by better beam models.
+    """Return 95 % bounds of the errors of the n unknowns, because C beam models, such as a finer mesh, are not exact.
 
     Returns
     -------
     model_errors : ndarray, shape (C, n)
-        Bounds for all unknowns, scaled so that the bounds of the search are 0 and 1.
+        Bound of the error of each unknown, scaled so that the bounds of the search are 0 and 1.
     modulus_errors : ndarray, shape (C,)
-        Further bounds for the modulus alone, scaled in the same way.
+        Bound of an additional, independent error of the modulus, scaled in the same way.
     """
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
@@ -265,7 +267,7 @@ def _effects_percent(
 
 
 def _widened(problem: Problem, about: Linearisation) -> float:
-    """Return the factor by which the intervals are wider because the noise level is estimated (Student's t)."""
+    """Return the factor by which the intervals are wider because the size of the noise is estimated (Student's t)."""
     if not all(isinstance(e.observed, EdgeObservation) for e in problem.experiments):
         # the noise of tracked points is stated
         return 1.0
@@ -357,7 +359,7 @@ def _quantities(
 
 
 def _columns(unknowns: Unknowns, units: Array) -> dict[str, Array]:
-    """Return P sets of unknowns in physical units, as arrays (P,) by name, from scaled values (P, n)."""
+    """Return P sets of unknowns in physical units, as one array (P,) for each name, from scaled values (P, n)."""
     parameters, bulk = unknowns.parameters(units), unknowns.bulk_modulus_Pa(units)
     columns = dict(zip(unknowns.space.law.parameter_names, parameters.T, strict=True))
     if bulk is not None:

@@ -60,11 +60,11 @@ class Identifiability:
     residual_mm : float
         Root mean square of all residuals in mm.
     correlation_points : float
-        Mean number of neighbouring points that count as one independent point.
+        How many neighbouring points count as one independent point, on average.
     points : int
         Number of measured points.
     independent_points : float
-        Number of independent points.
+        How many points are independent, estimated from the correlation of all residuals.
     names : tuple of str
         Names of all unknowns.
     correlation : tuple of tuple of float
@@ -74,13 +74,14 @@ class Identifiability:
     profiled : tuple of str
         Names of the unknowns whose interval is computed from the profile likelihood.
     noise_mm, noise_points : float or None
-        Mean error in mm and number of independent points of the noise, the part of the residuals that no uncertain
-        input explains. None in files of earlier releases.
+        Noise is the part of the residuals that no uncertain input explains. ``noise_mm`` is its root mean square,
+        averaged over the load cases, and ``noise_points`` the number of independent points. None in files of earlier
+        releases.
     stated_squares : float
-        Sum of the squared deviations of the uncertain inputs from their stated values in standard uncertainties, if
-        they are fitted, too.
+        Sum of the squared deviations of the uncertain inputs from their specified values, in standard uncertainties, if
+        all of them are fitted together with the law.
     model_mm : float
-        Mean standard deviation of the remaining error of the beam model in mm; 0 if no uncertain input is stated.
+        Mean standard deviation of the remaining error of the beam model in mm; 0 if no uncertain input is specified.
     """
 
     statement: str
@@ -122,7 +123,7 @@ def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[n
     Returns
     -------
     ndarray of bool, shape (m,)
-        True for parameters that are limited by the bounds.
+        True for parameters that get more than half of their variance from the unknowns that the data do not determine.
     """
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     # the variance from unknowns that the data do not determine
@@ -140,7 +141,7 @@ def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[
     information : ndarray, shape (n, n)
         Hessian of minus the log-likelihood.
     prior : ndarray, shape (n, n)
-        Inverse variance of the priors, diagonal.
+        Inverse covariance of the priors, diagonal.
 
     Returns
     -------

@@ -1,19 +1,19 @@
 """Separate noise from errors of uncertain inputs: noise is the part of the residuals that no such error explains.
 
-A source is an input with a stated uncertainty. An error of a source, such as a wrong width, causes residuals along both
-edges. The intervals already contain the effect of this error on the estimate (`inference.interval.considered`). If
-these residuals also counted as noise, the error would count twice.
+An uncertain input has a specified standard uncertainty, such as the width. Its error causes residuals along both edges.
+The intervals already contain the effect of this error on the estimate (`inference.interval.considered`). If these
+residuals also counted as noise, the error would count twice.
 
-The unknowns x and the deviations s of the sources, in standard uncertainties, are therefore fitted together:
+The unknowns x and the deviations s of the inputs, in standard uncertainties, are therefore fitted together:
 
     minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
 
-for the residuals r_k of state k in mm, their slopes J_k in x, their changes C_k for one standard uncertainty of each
-source, and the weights w_k of `inference.interval.covariance`. The remaining residuals are the noise. The level and
-correlation of the noise determine w_k, and the fit is repeated until the level stays the same. The effect of a source
-on the residuals is only approximately linear, and an error of a few per cent of this effect may exceed the noise.
-Residuals and slopes are therefore evaluated again at the minimum (Gauss-Newton). The noise also decides which of
-several laws fits best (`inference.planning.choice_of_law`).
+for the residuals r_k of load case k in mm, their derivatives J_k in x, the change dx of x, the changes C_k of the
+residuals for one standard uncertainty of each input, and the weights w_k of `inference.interval.covariance`. The
+remaining residuals are the noise. Its size and correlation determine w_k, and the fit is repeated until the size stays
+the same. The effect of an input on the residuals is only approximately linear, and an error of a few per cent of this
+effect may exceed the noise. Residuals and derivatives are therefore evaluated again at the minimum (Gauss-Newton). The
+noise is also the basis for the choice between several laws (`inference.planning.choice_of_law`).
 """
 
 from __future__ import annotations
@@ -45,16 +45,17 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The residuals as linear functions of n unknowns and S uncertain inputs, at the values that fit best.
+    """The residuals of a fit in which the n unknowns and S uncertain inputs, such as the width, are fitted together.
 
     Parameters
     ----------
     states : tuple of LinearStates
-        The residuals of each experiment, with derivatives in the n unknowns and then in the S inputs.
+        The residuals of each experiment at the best values, with derivatives in the n unknowns and then in the S
+        inputs.
     hessian : ndarray, shape (n + S, n + S)
         Hessian of minus the logarithm of the likelihood times the priors.
     squares : float
-        Sum of the squared deviations of the inputs from their stated values, in standard uncertainties.
+        Sum of the squared deviations of the inputs from their specified values, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -64,16 +65,17 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the best values of a fit by a better beam model, such as a finer mesh.
+    """The change of the best values of a fit by a more exact beam model, such as a finer mesh.
 
     Parameters
     ----------
     correction : Correction
-        The change of the residuals by the better model.
+        The change of the residuals by the more exact model.
     moved : ndarray, shape (n,)
         Change of the best values, scaled so that the bounds of the search are 0 and 1.
     share : float, optional
-        Share of the change that remains uncertain; the usual share of the better model by default.
+        Estimated error of the more exact model, as a share of ``moved``; by default the share that the correction
+        contains for this kind of model.
     least_percent : float
         Smallest 95 % bound of the remaining error of the modulus, in per cent.
     """
@@ -85,24 +87,25 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """The share of the change that remains uncertain, because the better model is not exact."""
+        """Estimated error of the best values with the more exact beam model, divided by their change ``moved``."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The residuals of a fit near the optimum, with noise separated from errors of uncertain inputs.
+    """The residuals of a fit near the optimum, with noise separated from errors of uncertain inputs, such as the width.
 
     Parameters
     ----------
     about : Linearisation
-        The residuals and their derivatives at the best values of the unknowns.
+        All residuals and their derivatives, at the best values of the unknowns for the specified inputs.
     explained : Explained
-        The same at the best values of unknowns and uncertain inputs together.
+        The residuals that remain if unknowns and uncertain inputs are fitted together: the noise.
     sources : tuple of ConsideredSources
-        The S uncertain inputs, or their parts, that the fit does not determine.
+        The S uncertain inputs, or components such as x and y, that are not fitted together with the law.
     mean_model_mm : float
-        Mean standard deviation of the remaining error of the beam model in mm; 0 without uncertain inputs.
+        Mean standard deviation of the remaining error of the beam model in mm; 0 if S = 0, because it is then not
+        computed.
     """
 
     about: Linearisation
@@ -111,7 +114,7 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one sentence for each uncertain input whose effect the intervals do not contain."""
+        """Return one sentence for each uncertain input whose effect the intervals do not contain, as warnings."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
@@ -132,7 +135,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     optimum : Optimum
         The best values of the unknowns.
     effects : sequence of Effect
-        Corrections by better beam models; the errors that remain add to the noise.
+        Corrections by more exact beam models; their remaining errors count besides the noise in the weights.
 
     Returns
     -------
@@ -158,7 +161,10 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the remaining error of the beam models in mm, an array (K,) for each experiment with K states."""
+    """Return the error of the simulated edges that remains after all corrections by more exact beam models, in mm.
+
+    For each experiment, the array (K,) contains the standard deviation in each of K load cases.
+    """
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -173,7 +179,7 @@ def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[A
 
 
 def _mean_mm(states: Sequence[LinearStates]) -> float:
-    """Return the mean over all states of the root mean square residual, in mm."""
+    """Return the mean over all load cases of the root mean square residual, in mm."""
     return float(np.mean(np.concatenate([linear.error_mm for linear in states])))
 
 
@@ -243,7 +249,7 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective of a fit of unknowns and uncertain inputs together, in mm; smallest for the best fit."""
+    """Return the objective of a joint fit of unknowns and uncertain inputs in mm; the fit minimises it."""
     # The likelihood is proportional to this number to the power -points.
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))
@@ -265,7 +271,7 @@ def _with_sources(slopes: Array, changes: Sequence[Array | None]) -> Array:
 
 
 def _squares(unknowns: Unknowns, unit: Array) -> float:
-    """Return the sum of the squared deviations of inputs from their stated values, in standard uncertainties."""
+    """Return the sum of the squared deviations of inputs from their specified values, in standard uncertainties."""
     return float((unknowns.standardised(unit[None]) ** 2).sum())
 
 
@@ -277,7 +283,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Return the values of unknowns and uncertain inputs that fit best, and the remaining residuals."""
+    """Return the best values of unknowns and uncertain inputs by least squares, and the remaining residuals."""
     # The residuals are linear about ``at``. The priors have the mean ``unit`` and the inverse variance ``prior``.
     remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):
@@ -298,7 +304,7 @@ def _least(
 
 
 def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[LinearStates]:
-    """Return the states with likelihood weights computed from their residuals and the error of the beam model."""
+    """Return residuals with new weights, computed from their size and from the error of the beam model."""
     errors = _with_model(states, model_mm)
     scale = _independent(problem, states) / float(np.concatenate(errors).sum())
     return [
@@ -308,11 +314,11 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the errors of the states in mm, with the error of the beam model added, for each experiment."""
+    """Return the root mean square of noise and beam model's error in each load case, in mm, for each experiment."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return the states with other residuals, in mm, and with the root mean squares of these residuals."""
+    """Return a copy of ``states`` with other residuals in mm and the root mean squares of these residuals."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

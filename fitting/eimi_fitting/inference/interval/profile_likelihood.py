@@ -1,14 +1,15 @@
 """Compute the ends of an interval by the profile likelihood, for objectives that are not quadratic.
 
 The deviance D(x) of the unknowns x is -2 log L(x) minus its smallest value, with the likelihood L. The optimum is x*.
-The profile of coordinate i is
+The profile of unknown i is
 
     D_i(t) = min of D(x) over all x with x_i = t
 
 (Raue et al. 2009, Bioinformatics 25:1923). Let h be the half-width of the interval from the covariance, and H the
 Hessian of D / 2. For a quadratic D, the profile at both ends is D_i(x*_i +- h) = h^2 / inv(H)_ii. In general, the
-interval ends where D_i has the value h^2 / inv(H)_ii, the target. The minimum over the other coordinates is computed by
-Gauss-Newton steps with the Hessian of the optimum. Both ends of all coordinates are evaluated in one batch.
+interval is defined to end where D_i has the value h^2 / inv(H)_ii, the target. The minimum over the other unknowns is
+computed by Gauss-Newton steps with the Hessian of the optimum. Both ends of the intervals of all unknowns are evaluated
+in one call.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class _End:
     target : float
         The deviance that the end must have.
     point : ndarray, shape (n,)
-        Present estimate of the unknowns at the end, scaled to 0..1 between their bounds.
+        Present estimate of the n unknowns at the end, scaled to 0..1 between their bounds.
     deviance, score : float and ndarray, shape (n,)
         Deviance at ``point``, and gradient of half the deviance (``score``).
     inside, outside : float
@@ -96,7 +97,10 @@ class _End:
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Move the estimate closer to the end of the interval, about the optimum ``unit``."""
+        """Replace the estimate of this end by a better one, whose deviance is expected to equal the target.
+
+        ``unit`` is the optimum, and ``hessian`` the Hessian of half the deviance there.
+        """
         i = self.coordinate
         # ``hessian`` is the Hessian of half the deviance at the optimum.
         size = abs(self.point[i] - unit[i])
@@ -122,13 +126,13 @@ class _End:
 def interval_ends(
     deviance: Deviance, unit: Array, score: Array, hessian: Array, half_width: Array, checked: tuple[int, ...]
 ) -> Ends:
-    """Return the ends of the intervals of n unknowns about an optimum.
+    """Return the ends of the intervals of n unknowns of a fit, which are asymmetric if the deviance is not quadratic.
 
     Parameters
     ----------
     deviance : callable
-        Function that returns, for P sets of unknowns (P, n), the deviances (P,), twice the decrease of the
-        log-likelihood from its maximum, and the gradients (P, n) of half the deviance.
+        Function that returns, for P sets of unknowns (P, n), the deviances (P,) and the gradients (P, n) of half the
+        deviance. A deviance is twice the decrease of the log-likelihood from its maximum.
     unit : ndarray, shape (n,)
         Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     score : ndarray, shape (n,)
@@ -182,23 +186,23 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the point at which a quadratic function is smallest if coordinate ``i`` has a given value, within 0..1.
+    """Return the point with the smallest value of a quadratic function in the unit cube for a fixed coordinate ``i``.
 
     Parameters
     ----------
     point : ndarray, shape (n,)
-        A point, each coordinate in 0..1.
+        A point with n coordinates from 0 to 1.
     score, hessian : ndarray, shape (n,) and (n, n)
         Gradient and Hessian of the function at this point.
     i : int
-        Index of the coordinate that has a given value.
+        Index of the fixed coordinate.
     to : float
-        The given value; clipped to 0..1.
+        Value of the fixed coordinate; limited to 0..1.
 
     Returns
     -------
     ndarray, shape (n,)
-        The point with the smallest value of the function.
+        The point with the smallest value.
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
