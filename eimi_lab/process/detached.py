@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 if sys.platform == "win32":
-    _kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+    _kernel = ctypes.WinDLL("kernel32")
     _kernel.OpenProcess.restype = ctypes.c_void_p
     _kernel.GetCurrentProcess.restype = ctypes.c_void_p
 

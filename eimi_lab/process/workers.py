@@ -144,11 +144,12 @@ def completed(
                     task, error = unfinished.pop(future), future.exception()
                     if error is not None and not isinstance(error, expected):
                         raise error
+                    losses = 0
                     new = further(task, future.result()) if further and not error else ()
                     remaining.remove(task)
                     remaining += new
-                    unfinished |= submit(new)
-                    losses = 0
+                    with suppress(BrokenProcessPool):  # the result is yielded, and the loss is noticed at the next task
+                        unfinished |= submit(new)
                     yield task, future.result
             except BrokenProcessPool as error:
                 losses += 1
