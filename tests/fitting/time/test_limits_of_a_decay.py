@@ -344,7 +344,8 @@ def test_a_second_push_ends_the_part_that_is_fitted_one_and_a_half_periods_befor
     first, last, (doubt,) = decays._segment(pushed, FREQUENCY_HZ, 60.0, "flick", True)
     at_s, size = decays._envelope(pushed, FREQUENCY_HZ)
     falling = np.minimum.accumulate(size)
-    rises = np.flatnonzero((size > 2 * falling) & (size > 0.1 * size.max()) & (at_s > 0.4))
+    least = max(10 * np.quantile(size, 0.05), 0.1 * size.max())
+    rises = np.flatnonzero((size > 2 * falling) & (size > least) & (at_s > 0.4))
     abrupt = next(k for k in rises if decays._rises_abruptly(size, int(k), 20.0))
     assert 2.7 < at_s[abrupt] < 3.05
     assert (first, last) == pytest.approx((0.0, at_s[abrupt - 31]))
