@@ -31,23 +31,22 @@ Array = NDArray[np.float64]
 
 
 class Actuation(Protocol):
-    """One kind of load in K states (loads that act one after another), described by m numbers in each state.
+    """One kind of load in K load states, described by m numbers in each state.
 
-    Any class with these members can be added to `Loads`. The forces must be linear in the numbers, and m zeros must
-    mean no load.
+    Any class with these members can be added to `Loads`. The forces must be linear in the m numbers.
     """
 
     @property
     def numbers(self) -> Array:
-        """Return the m numbers that describe the load in each of K states, shape (K, m), in any unit."""
+        """Return the m numbers that describe the load in each of K load states, shape (K, m), in any unit."""
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
-        """Return the same kind of load in the given states only, in the given order."""
+        """Return the same kind of load in the load states with the given indices only, in the given order."""
         ...
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the load of one state to the sum of all loads.
+        """Add the load of one load state to the sum of all loads.
 
         Parameters
         ----------
@@ -57,7 +56,8 @@ class Actuation(Protocol):
             Factor on loads that a magnetic field causes, for each of B candidate laws.
         mesh : LoadedMesh
             The mesh with the integrals that are needed to compute forces. The mesh may be only a part of the specimen,
-            for example half of its depth. ``mesh.share`` is the fraction of a load on the specimen that acts on it.
+            for example half of its depth. ``mesh.share`` is the fraction of a load on the specimen that acts on the
+            mesh.
         total : SolidLoads
             The sum of all loads, with one row for each candidate. This method adds to its arrays in place. A force on
             the whole specimen must first be multiplied by ``mesh.share``.
@@ -66,9 +66,10 @@ class Actuation(Protocol):
 
 
 class Places(Protocol):
-    """A mesh that finds the magnet and the elements around points, for the computation of loads.
+    """The members of a mesh that are needed to compute loads, for example where the magnet is.
 
-    The mesh is built in a straight beam of constant width (the straight strip) and mapped to the shape at rest.
+    The mesh is built in a reference beam: a straight beam of constant width, which ``strip`` maps to the specimen at
+    rest.
     """
 
     specimen: Specimen
@@ -80,22 +81,23 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest.
+        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
 
-        The straight beam has a constant width and is mapped to the shape at rest.
+        The reference beam is straight and has a constant width; the mesh is built in it. points_mm: the points at rest,
+        (n, 2).
         """
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
 
-        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
+        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return the nodes that share a force, and the fractions of the force on them, (m, n) each.
 
-        The force is spread over m places through the depth with n nodes each. point_mm: the point (x, y) of the force
-        in the straight beam that is mapped to the beam at rest.
+        The force is spread over m points through the depth; the element at each of these points has n nodes. point_mm:
+        the point (x, y) of the force in the reference beam, a straight beam of constant width.
         """
 
 
@@ -179,9 +181,10 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the place (x, y) at rest, in mm, of a point of the straight beam that is mapped to the beam at rest.
+        """Map a point (x, y) of the reference beam to the specimen at rest, in mm.
 
-        straight_mm: the point (x, y) in the straight beam.
+        straight_mm: the point (x, y) in the reference beam, a straight beam of constant width in which the mesh is
+        built.
         """
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
@@ -219,14 +222,14 @@ class LoadedMesh:
             total.nodal[..., :2] += shares
 
     def loads(self, actuations: tuple[Actuation, ...], numbers: Array, field_factor: Array) -> SolidLoads:
-        """Return the sum of all actuations (kinds of load, such as field and gravity) in one state.
+        """Return the sum of all kinds of load (``actuations``, such as field and gravity) in one load state.
 
         Parameters
         ----------
         actuations : tuple of Actuation
             The kinds of load.
         numbers : ndarray, shape (m,)
-            The m numbers that describe the actuations in this state, one actuation after another.
+            The components of all kinds of load in this state, one kind after another, as `Loads.state` returns them.
         field_factor : ndarray, shape (B,)
             Factor on magnetic loads for each of B candidate laws, or shape (1,) for all candidates.
         """

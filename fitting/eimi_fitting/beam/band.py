@@ -19,7 +19,7 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return the largest distance of a nonzero entry of the assembled stiffness matrix from the main diagonal.
+    """Return how far nonzero entries of the assembled stiffness matrix lie from its main diagonal, at most.
 
     dofs: the numbers of the d unknowns of each of E elements, shape (E, d); -1 for an unknown that is fixed.
     """
@@ -29,7 +29,7 @@ def bandwidth(dofs: Indices) -> int:
 def _most_contributions(numbers: Indices) -> int:
     """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    numbers: the contributions to each entry, counted from 0.
+    numbers: for each contribution, how many contributions to the same entry come before it.
     """
     return int(numbers.max(initial=0)) + 1
 
@@ -138,14 +138,12 @@ class BandAssembly:
 
 @dataclass(frozen=True)
 class BandFactor:
-    """The factors of the band matrices of B candidate laws, with which linear systems are solved.
-
-    They are Cholesky or LU factors.
+    """Cholesky or LU factors of the band matrices of B candidate laws, with which linear systems are solved.
 
     Attributes
     ----------
     sound : ndarray of bool, shape (B,)
-        Whether each matrix has factors.
+        Whether each matrix could be factorised.
     indefinite : ndarray of bool, shape (B,)
         Whether each matrix is not positive definite; False for all matrices if they are not symmetric.
     cholesky : ndarray or None
@@ -251,7 +249,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether the entries of each of B rows of an array are finite and of moderate size, shape (B,)."""
+    """Return whether the sum of the squares of the entries is finite in each of B rows of an array, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)

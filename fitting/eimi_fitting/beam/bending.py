@@ -26,7 +26,7 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 
 @dataclass(frozen=True)
 class BentBeam:
-    """The bent shapes for one candidate (set of parameters of a law), or for P candidates, in K states.
+    """The bent shapes for one candidate (set of parameters of a law), or for P candidates, in K load states.
 
     If only one candidate was given, as parameters of shape (n,), the results have no axis of length P.
 
@@ -46,32 +46,32 @@ class BentBeam:
 
     @property
     def status(self) -> NDArray[np.int8]:
-        """The outcome of the solution (`Status`) in each of K states, shape (K,), or (P, K) for P candidate laws."""
+        """The outcome of the solution (`Status`) in each of K load states, (K,), or (P, K) for P candidate laws."""
         return self._rows(self.shapes.status)
 
     @property
     def converged(self) -> bool | NDArray[np.bool_]:
-        """Whether every state has the status CONVERGED: one bool, or shape (P,) for P candidate laws."""
+        """Whether every load state has the status CONVERGED: one bool, or shape (P,) for P candidate laws."""
         return bool(self.shapes.converged[0]) if self.is_one else self.shapes.converged
 
     @property
     def max_stretch(self) -> Array:
-        """Largest principal stretch in the silicone in each of K states, shape (K,), or (P, K) for P candidate laws.
+        """Largest principal stretch in the silicone in each of K load states, (K,), or (P, K) for P candidate laws.
 
-        NaN in a state that was not solved.
+        NaN in a state without a solution.
         """
         return self._rows(self._where_reached(self.shapes.max_stretch))
 
     @property
     def tip_angle_deg(self) -> Array:
-        """Rotation of the tip from rest in degrees in each of K states, shape (K,), or (P, K) for P candidate laws.
+        """Rotation of the tip from rest in degrees in each of K load states, (K,), or (P, K) for P candidate laws.
 
-        NaN in a state that was not solved.
+        NaN in a state without a solution.
         """
         return self._rows(self._where_reached(self.model.tip_angle_deg(self.shapes)))
 
     def positions(self, points_mm: ArrayLike) -> Array:
-        """Return the positions of n material points of the beam in each of K states.
+        """Return the positions of n material points of the beam in each of K load states.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class BentBeam:
         Returns
         -------
         ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidate laws
-            Positions in mm; NaN in a state that was not solved: its status is neither CONVERGED nor UNSTABLE.
+            Positions in mm; NaN in a state without a solution, whose status is neither CONVERGED nor UNSTABLE.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class BentBeam:
         return self._rows(self._where_reached(places))
 
     def outline(self, view: View | None = None) -> Array:
-        """Return the left and the right outline of the beam in each of K states, as a camera sees them.
+        """Return the left and the right outline of the beam in each of K load states, as a camera sees them.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class BentBeam:
         -------
         ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidate laws
             The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
-            to tip. Each segment is given by three points (x, y) in mm. NaN in a state that was not solved: its status
+            to tip. Each segment is given by three points (x, y) in mm. NaN in a state without a solution, whose status
             is neither CONVERGED nor UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
@@ -123,19 +123,19 @@ class BentBeam:
         Parameters
         ----------
         per_segment : int
-            Number of points of the polyline for each quadratic segment.
+            Number of straight lines that replace each quadratic segment.
         view : View or None
             The perspective of the camera; None for a telecentric lens.
 
         Returns
         -------
-        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidate laws in K states
+        ndarray, shape (K, 2, m, 2), or (P, K, 2, m, 2) for P candidate laws in K load states
             The points of the left polyline (y < 0 at rest), then of the right polyline, from clamp to tip.
         """
         return points_on(self.outline(view), per_segment)
 
     def _where_reached(self, values: Array) -> Array:
-        """Return an array for P candidate laws in K states, (P, K, ...), with NaN in states without a solution."""
+        """Return an array for P candidate laws in K load states, (P, K, ...), with NaN in states without a solution."""
         is_reached = np.isin(self.shapes.status, (Status.CONVERGED, Status.UNSTABLE))
         return np.where(is_reached.reshape(*is_reached.shape, *[1] * (values.ndim - 2)), values, np.nan)
 

@@ -47,18 +47,18 @@ class SolidOptions:
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
-        "interpolate": interpolate the depth effect. "follow": solve the solid model in all states, one after another.
-        "either": interpolate, and follow if the interpolation fails.
+        "interpolate": solve the solid model in a few load states and interpolate the depth effect. "follow": solve the
+        solid model in all states, one after another. "either": interpolate, and follow if the interpolation fails.
     accuracy_mm : float
         Accuracy of the interpolation in mm.
     similar : tuple of DepthEffect
-        Known depth effects of similar candidate laws, from which the new depth effect differs little.
+        Known depth effects of similar candidate laws. Only the difference from the most suitable one is computed.
     effect : DepthEffect or None
         The depth effect, if it is already known. Only the planar model is then solved.
     earlier : DepthEffect or None
-        The depth effect of nearly the same candidate, computed earlier under some of the present loads.
+        The depth effect of nearly the same candidate law, computed before for some of the present loads.
     planar_shapes : Shapes or None
-        The shapes of the planar model for the same candidate and loads, if they are already known.
+        The shapes of the planar model for the same candidate law and loads, if they are already known.
     """
 
     method: Method = "either"
@@ -71,12 +71,14 @@ class SolidOptions:
 
 @dataclass(frozen=True)
 class SolidShapes(Shapes):
-    """The shapes of a solid model of the beam in K states.
+    """The shapes of a solid model of the beam in K load states.
 
     Attributes
     ----------
     effect : DepthEffect or None
-        The interpolated difference from the planar model; None if every state was solved.
+        The interpolated difference between the solid and the planar shapes, if each shape was computed as the planar
+        shape plus this difference. The solid model was then solved in a few states at most. None: the solid model was
+        solved in all states one after another, or no solution was found.
     """
 
     effect: DepthEffect | None = None
@@ -186,7 +188,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _given_up(self, flat: Shapes) -> SolidShapes:
-        """Return the result for a law that was not solved: shapes at rest, every state marked as diverged.
+        """Return undeformed shapes with the status DIVERGED in every load state, for a law without a solution.
 
         flat: the shapes of the planar model.
         """
@@ -200,19 +202,22 @@ class SolidBeside:
         )
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the tip in K states in degrees, (1, K)."""
+        """Return the rotation of the tip in K load states in degrees, (1, K)."""
         return self.solid.tip_angle_deg(shapes)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest stretch in each of E elements in K states, (1, K, E)."""
+        """Return the largest principal stretch in each of E elements in K load states, (1, K, E)."""
         return self.solid.element_stretch(shapes)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points in K states in mm, (1, K, n, 3)."""
+        """Return the positions of n points of the beam in K load states in mm, (1, K, n, 3).
+
+        points_mm: positions (x, y, z) of the points at rest, (n, 3), with z = 0 at mid-depth.
+        """
         return self.solid.positions(shapes, points_mm)
 
     def _turn(self, flat: Shapes) -> Array:
-        """Return the rotation of the tip of the planar model in each of K states, in rad, shape (K,)."""
+        """Return the rotation of the tip of the planar model in each of K load states, in rad, shape (K,)."""
         return np.asarray(np.radians(self.planar.tip_angle_deg(flat)[0]))
 
     def _effect(
@@ -224,10 +229,11 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the difference between solid and planar shapes, interpolated through a few solved states, or None.
+        """Return the depth effect (solid minus planar shape) of a candidate law, from a few load states, or None.
 
-        chosen: the candidate law. lift: displacements of the planar model at the nodes of the solid mesh. flat: the
-        planar shapes in all states.
+        None if a solution of the solid model fails, or if the loads do not lie on a straight line. chosen: the
+        candidate law. lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes
+        in all states.
         """
         along = _along_ray(loads)
         if along is None:
@@ -275,9 +281,9 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the shape of the solid model minus the planar shape in one state; None if Newton's method fails.
+        """Return the solid minus the planar configuration in one load state; None if Newton's method fails.
 
-        lifted: the planar shape. predicted: the difference that is expected.
+        lifted: the planar configuration at the nodes of the solid mesh. predicted: the expected difference, if known.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -289,25 +295,28 @@ class SolidBeside:
         return None
 
     def _lift(self, flat: Shapes) -> Array:
-        """Return the displacements of the planar model as vectors in space, in K states, (1, K, n, 3) in mm.
+        """Return the planar displacements at the nodes of the solid mesh as vectors (x, y, 0), (1, K, n, 3) in mm.
 
-        The n points are the nodes of one layer of the solid mesh.
+        There are K load states. The n points are the different positions (x, y) of the nodes, without regard to their
+        depth.
         """
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in some states as shapes of the solid model, with one row for each state.
+        """Return the planar shapes in the load states ``states`` as configurations of the solid mesh.
 
-        lift: the planar displacements at the x and y of the nodes of the solid mesh in K states, (1, K, n, 3) in mm.
+        The result has one row for each state. lift: the planar displacements as vectors (x, y, 0) in K load states, (1,
+        K, n, 3) in mm, from `_lift`.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid model in all states: the planar shapes plus the interpolated difference.
+        """Return the shapes of the solid model in all load states: the planar shapes plus the interpolated difference.
 
-        flat: the planar shapes. lift: the planar displacements at the nodes of the solid mesh. effect: the difference.
+        flat: the planar shapes. lift: the planar displacements at the nodes of the solid mesh. effect: the difference
+        between the solid and the planar shapes.
         """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
@@ -334,7 +343,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return a known difference of solid and planar shapes that is valid for a new candidate law, or None."""
+    """Return the known depth effect of an earlier candidate law that bends like the new one, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -342,16 +351,20 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 
 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the difference of solid and planar shapes of a similar law, to which a correction will be added, or None.
+    """Return the known depth effect that suits a new candidate law best, or None.
+
+    A depth effect is the difference between the solid and the planar shapes as a function of a measure s of bending.
+    The depth effect of the new candidate is then computed as a correction of the known one.
 
     Parameters
     ----------
     places : ndarray, shape (K,)
-        The values of a number that measures the bending, in the K states of the new candidate law.
+        The values of s in the K load states of the new candidate law.
     by_turn : bool
-        Whether this number is the rotation of the tip; otherwise it is the position of the load on a straight line.
+        Whether s is the rotation of the tip; otherwise it is the relative load, from 0 at the first load to 1 at the
+        farthest load from it.
     similar : tuple of DepthEffect
-        The known differences of solid and planar shapes, of similar candidate laws.
+        The known depth effects of similar candidate laws.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -359,9 +372,10 @@ def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> Dep
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the position of each of K loads on the straight line through all of them, (K,).
+    """Return the relative size of each of K loads: its position on the straight line through all loads, (K,).
 
-    The first load has the position 0, the load farthest from it 1. None if the loads do not lie on a line.
+    The position is 0 for the first load and 1 for the load that differs most from the first. None if the loads do not
+    lie on a straight line.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

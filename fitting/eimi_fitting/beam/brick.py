@@ -33,9 +33,9 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """The arrays that depend only on the geometry of a mesh; forces and stiffnesses are computed from these arrays.
+    """Integrals and derivatives of the shape functions of a solid mesh, to compute forces and stiffnesses.
 
-    The mesh has E elements with q Gauss points each.
+    They depend only on the geometry of the mesh, which has E elements with q Gauss points each.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Operators:
     slope : ndarray, shape (E, 27, 3)
         Integrals of the derivatives of the shape functions in mm².
     weights : ndarray, shape (E, q)
-        Volume in mm³ that each Gauss point stands for; the volumes of an element add up to its volume.
+        Weights of the Gauss points in an integral over the element, in mm³.
     """
 
     gradient: Array
@@ -65,7 +65,7 @@ class Operators:
 
 
 def operators(mesh: Bricks) -> Operators:
-    """Return the operators of a mesh of hexahedra: shape functions, derivatives and weights at the Gauss points.
+    """Return the integrals and derivatives of the shape functions of a mesh of hexahedra.
 
     Raises
     ------
@@ -103,10 +103,9 @@ def mixed(batch: Batch) -> bool:
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients (3, 3, E, B, q) for nodal displacements (E, B, 3, 27) in mm.
+    """Return the displacement gradients du_i/dX_j, (3, 3, E, B, q), for nodal displacements u, (E, B, 3, 27) in mm.
 
-    There are E elements with q Gauss points each, and B candidate laws. The second axis is the coordinate of the
-    derivative.
+    The first axis is i, the second j. There are E elements with q Gauss points each, and B candidate laws.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
@@ -162,9 +161,10 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return internal forces and stresses for nodal displacements (E, B, 3, 27) in mm and pressures (E, B, 4).
+    """Return forces and stresses for nodal displacements, (E, B, 3, 27) in mm, and pressures, (E, B, 4) in MPa.
 
-    There are E elements and B candidate laws. The pressures are in MPa.
+    There are E elements and B candidate laws. The four pressures are coefficients of the pressure functions of an
+    element.
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -189,18 +189,19 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of each of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
+    """Return the tangent stiffness of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
 
-    The pressure is constant. predicted: the stress in MPa that the last step of Newton's method predicts, (6, E, B, q)
-    at q Gauss points.
+    The pressures in the elements are held fixed in the derivative. predicted: the stress for the geometric part of the
+    stiffness, six components, (6, E, B, q) in MPa at q Gauss points. In Newton's method this is the stress that the
+    preceding linear step predicts.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffnesses of the elements in groups, to save memory.
+    """Yield the tangent stiffness of the elements in groups, to save memory; see `stiffness`.
 
-    A group of e elements is an array (e, B, 81, 81) in N/mm for B candidate laws.
+    Each array belongs to e consecutive elements and B candidate laws, (e, B, 81, 81) in N/mm.
     """
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
@@ -226,9 +227,9 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return how the volume of each element changes with its displacements, (E, B, 81, 4) in mm².
+    """Return the derivatives of each element's volume by its displacements, (E, B, 81, 4) in mm².
 
-    There are E elements and B candidate laws. The volume change is weighted by each of four pressure functions.
+    There are E elements and B candidate laws. The volume is weighted by each of four pressure functions.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
@@ -240,15 +241,15 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE`, to save memory."""
+    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE` elements."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the stress that one linear step of Newton's method predicts: six components, (6, E, B, q), in MPa.
+    """Return the second Piola-Kirchhoff stress after one linear step of Newton's method, (6, E, B, q) in MPa.
 
-    There are E elements with q Gauss points each, and B candidate laws. step, pressure_step: changes of the
-    displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
+    The six components are those of E elements with q Gauss points each, for B candidate laws. step, pressure_step:
+    changes of the displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

@@ -22,10 +22,10 @@ class Bricks:
     nodes : ndarray, shape (N, 3)
         Positions (x, y, z) of the nodes in mm.
     elements : ndarray of int, shape (E, 27)
-        Nodes of each element. The local node with the number 9 i + 3 j + k is the i-th node along the beam, the j-th
-        across and the k-th in depth.
+        Indices of the 27 nodes of each element. Column 9 i + 3 j + k has the i-th node along the beam, the j-th across
+        and the k-th in depth (i, j, k = 0, 1, 2).
     numbers : ndarray of int, shape (nodes along, nodes across, nodes in depth)
-        Number of the node at each point of the grid.
+        Index of the node at each point of the grid.
     """
 
     nodes: Array

@@ -138,7 +138,7 @@ class FieldTable:
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
 
     def covers(self, points_mm: Array) -> bool:
-        """Return whether all n points (x, y), (n, 2) in mm, lie inside the table of the field."""
+        """Return whether all of n points (x, y), (n, 2) in mm, lie inside the grid of this table."""
         x, y = points_mm.T
         inside = (x >= self.x_mm[0]) & (x <= self.x_mm[-1]) & (y >= self.y_mm[0]) & (y <= self.y_mm[-1])
         return bool(inside.all())
@@ -167,14 +167,17 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the ratio q of the field at B points to the field at a given point at rest, and the derivatives of q.
+        """Return the ratio q of the field at B points to the field at a reference point, and the derivatives of q.
+
+        A field is written as the complex number B_x + i B_y. The complex ratio of two fields then describes the
+        difference both of their strengths and of their directions.
 
         Parameters
         ----------
         points_mm : ndarray, shape (B, 2)
             Coordinates x and y of the B points.
         rest_mm : ndarray, shape (2,)
-            The point (x, y) at which the ratio is 1.
+            The reference point (x, y), at which q = 1.
 
         Returns
         -------
@@ -193,9 +196,11 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return what the curvature of the field adds to the field ratio and to its derivatives, at B points, (6, B).
+        """Return the contribution of ``curvature_per_m2`` to the field ratio and its derivatives at B points, (6, B).
 
-        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number.
+        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number. Its
+        derivatives are those by x, y, xx, xy and yy. from_rest_mm: vectors (x, y) from the magnet at rest to the
+        points, (B, 2).
         """
         # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
         # it.
@@ -214,9 +219,9 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The derivatives of the field ratio by x and y that ``gradient_per_m`` causes, complex, shape (2,), in 1/mm.
+        """The contribution of ``gradient_per_m`` to the x and y derivatives of the field ratio, complex, (2,), in 1/mm.
 
-        The field ratio is the field at a point divided by the field at the magnet at rest.
+        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number.
         """
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
@@ -252,7 +257,7 @@ class DipoleInField:
     field_T: Array
 
     def load(self, rigid: Array) -> tuple[Array, Array]:
-        """Return the magnetic load on the body and the stiffness of this load.
+        """Return the magnetic force and torque on the body and the stiffness that is due to them.
 
         Parameters
         ----------
@@ -299,9 +304,9 @@ class SiliconeInField:
     nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) at rest of the n nodes of each of E elements.
     shares : ndarray, shape (E, n)
-        Weights of the nodes' positions for the position of the dipole.
+        Weights of the nodes. The weighted sum of the nodes' present positions is the position of the dipole.
     dipoles : ndarray, shape (E, n)
-        Weights of the nodes' positions for the dipole itself, in N/T.
+        Factors in N/T. The sum of the nodes' present positions, multiplied by these factors, is the dipole moment.
     field_T : ndarray, shape (B, 2)
         The field (x, y) at ``rest_mm`` for each of B candidate laws, or shape (1, 2) for all candidates.
     """
@@ -314,7 +319,7 @@ class SiliconeInField:
     field_T: Array
 
     def load(self, nodal: Array) -> tuple[Array, Array]:
-        """Return the magnetic forces on the nodes and the stiffness of these forces.
+        """Return the magnetic forces on the nodes and the stiffness that is due to these forces.
 
         Parameters
         ----------
@@ -326,7 +331,7 @@ class SiliconeInField:
         force : ndarray, shape (E, B, d, n)
             Minus the first derivatives of the energy by the displacements, in N.
         stiffness : ndarray, shape (E, B, d, n, d, n)
-            Second derivatives of the energy in N/mm.
+            Second derivatives of the energy by the displacements in N/mm.
         """
         e, b, d, n = nodal.shape
         moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)

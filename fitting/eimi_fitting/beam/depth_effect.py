@@ -34,9 +34,10 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """A candidate (set of parameters of a law) with its planar shape.
+    """The properties of a candidate law that decide whether it has the same depth effect as another candidate.
 
-    Solid and planar model differ by the same amount for two candidates if the properties below agree.
+    The depth effect is the difference between the displacements of the solid and of the planar model. It is not
+    computed again for a candidate that agrees with an earlier one in these properties.
 
     Attributes
     ----------
@@ -45,7 +46,7 @@ class BentCandidate:
     bulk_ratio : float
         Bulk modulus divided by initial shear modulus.
     planar : ndarray, shape (1, K, N, 2)
-        Displacements of the N nodes of the planar model in K states, in mm.
+        Displacements of the N nodes of the planar model in K load states, in mm.
     """
 
     law: Law
@@ -53,7 +54,7 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether another candidate has the same law, ratio of bulk to shear modulus, and planar displacements.
+        """Return whether another candidate has the same law, bulk ratio and planar displacements.
 
         within_mm: two displacements count as the same if they differ by at most this length.
         """
@@ -64,24 +65,25 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference between the solid and the planar model of a beam, interpolated between the solved states.
+    """The difference d(s) between the shapes of the solid and of the planar model; s is a measure of the bending.
 
-    A number s measures the bending, and d(s) is the difference of the displacements.
+    The solid model is solved in a few load states only. Between these states, d is interpolated by a polynomial in s.
+    The measure s is the rotation of the tip or the relative size of the load, see ``by_turn``.
 
     Attributes
     ----------
     places : tuple of float
-        The values s_i of the states in which the solid model was solved.
+        The values of s in the load states in which the solid model was solved.
     differences : tuple of Configuration
-        The differences d_i between the two models in these states.
+        The configuration of the solid model minus that of the planar model in each of these states.
     by_turn : bool
-        Whether s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
-        straight line through the loads of all states.
+        True: s is the rotation of the tip of the planar model in rad. False: s is the position of the load on the
+        straight line through the loads of all states, 0 at the first load and 1 at the farthest load from it.
     base : DepthEffect or None
-        The depth effect b(s) of a similar candidate law; only the difference d - b is interpolated. None: d is
-        interpolated. If ``by_turn``, d(0) = b(0) is assumed.
+        The depth effect of a similar candidate law. Only the small difference from ``base`` is interpolated; if
+        ``by_turn``, this difference is taken as zero at s = 0. None: d itself is interpolated.
     candidate : BentCandidate or None
-        The candidate for which the states were solved.
+        The candidate law for which d was computed.
     """
 
     places: tuple[float, ...]
@@ -91,19 +93,19 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the difference of the solid from the planar model at one value of the bending s (``place``)."""
+        """Return the solid minus the planar configuration, interpolated at one bending measure s (``place``)."""
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the interpolated difference of the displacements of the solid and of the planar model.
+        """Return the displacements of the solid model minus those of the planar model, interpolated in K load states.
 
         Parameters
         ----------
         places : ndarray, shape (K,)
-            The K values s, which measure the bending.
+            The bending measure s in each state: the rotation of the tip in rad, or the relative load; see ``by_turn``.
 
         Returns
         -------
@@ -125,25 +127,31 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return the weight of each solved state in the interpolation at the bending ``place``."""
+        """Return the weights of Lagrange's interpolation at s = ``place``.
+
+        There is one weight for each state in which the solid model was solved.
+        """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The differences between this depth effect and its base (that of a similar law) in the solved states."""
+        """The depth effect minus that of a similar law (``base``), where the solid model was solved."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The values of the bending at which this depth effect equals that of a similar law, its base: (0,) or none."""
+        """The value s = 0 if this depth effect is assumed to equal its ``base`` there; otherwise an empty tuple.
+
+        The interpolation uses this value in addition to those of the states in which the solid model was solved.
+        """
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The same depth effect, stored without reference to the depth effect of a similar law (its base)."""
+        """The depth effect as one polynomial, without reference to that of a similar law (``base``)."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -151,22 +159,27 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect is valid for all states of another candidate law.
+        """Return whether this depth effect may be used for another candidate law, in all of its load states.
 
-        places: the values of the bending s in these states.
+        places: the bending measure s of the other candidate in each state (the rotation of the tip in rad, or the
+        relative load), shape (K,).
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether this depth effect is valid at each of K values of the bending (``places``), shape (K,)."""
+        """Return whether the depth effect may be used at each of K bending measures s (``places``), shape (K,).
+
+        The interpolation is valid between the smallest and the largest s at which the solid model was solved, and
+        outside by at most 10 % of this range.
+        """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect, interpolated through at most ``most`` of its solved states.
+        """Return this depth effect with at most ``most`` of the states in which the solid model was solved.
 
-        It must have no base.
+        This method is only for a depth effect that has no ``base``.
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -177,8 +190,8 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this depth effect with one more solved state.
+        """Return this depth effect with one more load state in which the solid model was solved.
 
-        place: the bending s of the state. difference: solid minus planar shape.
+        place: the bending measure s in this state. difference: the solid minus the planar configuration.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

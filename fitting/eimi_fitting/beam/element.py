@@ -41,9 +41,9 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """The arrays that depend only on the geometry of a mesh; forces and stiffnesses are computed from these arrays.
+    """Integrals and derivatives of the shape functions of a planar mesh, to compute forces and stiffnesses.
 
-    The mesh has E elements with q Gauss points each.
+    They depend only on the geometry of the mesh, which has E elements with q Gauss points each.
 
     Attributes
     ----------
@@ -64,8 +64,8 @@ class Operators:
     slope : ndarray, shape (E, 9, 2)
         Integrals of the derivatives of the shape functions in mm.
     weights : ndarray, shape (E, q)
-        Area in mm² that each Gauss point stands for, multiplied by the relative thickness of the mesh. Without
-        variations of the thickness, the areas of an element add up to its area.
+        Weights of the Gauss points in an integral over the element, in mm². They are multiplied by the relative
+        thickness of the mesh (``Mesh.thickness``).
     """
 
     gradient: Array
@@ -80,7 +80,7 @@ class Operators:
 
 
 def operators(mesh: Mesh) -> Operators:
-    """Return the operators of a planar mesh: shape functions, derivatives and weights at the Gauss points.
+    """Return the integrals and derivatives of the shape functions of a planar mesh.
 
     Raises
     ------
@@ -147,10 +147,9 @@ def mixed(batch: Batch) -> bool:
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients (2, 2, E, B, q) for nodal displacements (E, B, 2, 9) in mm.
+    """Return the displacement gradients du_i/dX_j, (2, 2, E, B, q), for nodal displacements u, (E, B, 2, 9) in mm.
 
-    There are E elements with q Gauss points each, and B candidate laws. The second axis is the coordinate of the
-    derivative.
+    The first axis is i, the second j. There are E elements with q Gauss points each, and B candidate laws.
     """
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
@@ -182,7 +181,7 @@ class Evaluation(NamedTuple):
     energy : PlanarEnergy
         Derivatives of the strain energy psi, which depends on a = F : F and J.
     t : ndarray, shape (E, B, q)
-        The derivative of psi by J plus the pressure, in MPa.
+        Sum of the pressure and the derivative of psi by J, in MPa.
     S : ndarray, shape (3, E, B, q)
         Components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
     valid : ndarray of bool, shape (B,)
@@ -225,9 +224,10 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return internal forces and stresses for nodal displacements (E, B, 2, 9) in mm and pressures (E, B, 3).
+    """Return forces and stresses for nodal displacements, (E, B, 2, 9) in mm, and pressures, (E, B, 3) in MPa.
 
-    There are E elements and B candidate laws. The pressures are in MPa.
+    There are E elements and B candidate laws. The three pressures are coefficients of the pressure functions of an
+    element.
     """
     F = gradients(ops, nodal)
     F[0, 0] += 1
@@ -264,10 +264,11 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of each of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
+    """Return the tangent stiffness of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
 
-    The pressure is constant. predicted: the stress in MPa that the last step of Newton's method predicts, (3, E, B, q)
-    at q Gauss points.
+    The pressures in the elements are held fixed in the derivative. predicted: the stress for the geometric part of the
+    stiffness, components 11, 22 and 12, (3, E, B, q) in MPa at q Gauss points. In Newton's method this is the stress
+    that the preceding linear step predicts.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -300,23 +301,25 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffness matrices of all E elements for B candidate laws, as one array (E, B, 18, 18)."""
+    """Yield the result of `stiffness` once; `brick.tangents` yields several arrays, for groups of elements."""
     yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
-    """Return by how much each element's volume differs from the volume that its pressure requires, (E, B, 3).
+    """Return the residuals of the relation between pressure and volume change in E elements, (E, B, m).
 
-    The three numbers, for E elements and B candidate laws, are zero at equilibrium.
+    There are B candidate laws and m pressure functions in each element, with one residual for each function. The
+    residuals are zero at equilibrium. pressure: coefficients of the functions in MPa, (E, B, m).
     """
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return how the volume of each element changes with its displacements, (E, B, 18, 3) in mm.
+    """Return the derivatives of each element's volume by its displacements, (E, B, 18, 3) in mm.
 
-    There are E elements and B candidate laws. The volume change is weighted by each of three pressure functions.
+    There are E elements and B candidate laws. The volume (per mm of depth) is weighted by each of three pressure
+    functions.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
@@ -326,10 +329,10 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the stress that one linear step of Newton's method predicts: 11, 22 and 12, (3, E, B, q), in MPa.
+    """Return the second Piola-Kirchhoff stress after one linear step of Newton's method, (3, E, B, q) in MPa.
 
-    There are E elements with q Gauss points each, and B candidate laws. step, pressure_step: changes of the
-    displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3), or None in plane stress.
+    The components are 11, 22 and 12, for E elements with q Gauss points each and B candidate laws. step, pressure_step:
+    changes of the displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3), or None in plane stress.
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

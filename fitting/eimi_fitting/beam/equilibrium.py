@@ -34,7 +34,7 @@ _ELEMENTS_AT_ONCE = 4096  # of all candidates or states together, whose strains 
 
 
 class Status(IntEnum):
-    """The outcome of the solution of the equilibrium for one candidate law in one state."""
+    """The outcome of the computation of an equilibrium for one candidate law in one load state."""
 
     CONVERGED = 0
     DIVERGED = 1
@@ -46,7 +46,7 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh in one state, with one row for each of B candidate laws or one row for all.
+    """Loads on a mesh in one load state, with one row for each of B candidate laws or one row for all of them.
 
     The mesh has N nodes with d coordinates. All loads are per mm of depth if the mesh is planar.
 
@@ -59,7 +59,7 @@ class SolidLoads:
         rotation and R(theta) the matrix of this rotation. The potential of the load is -force . U - tensor : R(theta) -
         moment theta.
     pressure : ndarray, shape (B,)
-        Pressure on the face in N/mm².
+        Pressure in N/mm² on the side of the beam that ``Specimen.pressure_face`` describes.
     in_coil : DipoleInField or None
         The magnet in the non-uniform field of a coil.
     silicone_in_coil : SiliconeInField or None
@@ -77,7 +77,7 @@ class SolidLoads:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Displacements, motion of the rigid body (the magnet), pressures and stresses of B candidate laws in one state.
+    """Displacements, motion of the rigid magnet, pressures and stresses of B candidate laws in one load state.
 
     The mesh has N nodes with d coordinates, and E elements with q Gauss points each.
 
@@ -90,7 +90,7 @@ class Configuration:
     pressure : ndarray, shape (E, B, d + 1)
         Coefficients of the pressure functions of each element in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
-        The stress at the Gauss points in N/mm² with which the next tangent stiffness is computed.
+        The stress in N/mm² at the Gauss points with which the next tangent stiffness is computed.
     """
 
     displacement: Array
@@ -99,23 +99,23 @@ class Configuration:
     stress: Array
 
     def take(self, rows: Indices) -> Configuration:
-        """Return displacements, pressures and stresses of only the candidate laws whose numbers are in ``rows``."""
+        """Return the configurations of the candidate laws with the indices ``rows`` only."""
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the shapes of the candidate laws with the numbers ``rows`` by those of ``other``, in place."""
+        """Overwrite the configurations of the candidate laws with indices ``rows`` by those of ``other``, in place."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
         self.stress[:, :, rows] = other.stress
 
     def copy(self) -> Configuration:
-        """Return a copy of the displacements, pressures and stresses that shares no array with this configuration."""
+        """Return a copy that shares no array with this configuration."""
         return Configuration(self.displacement.copy(), self.rigid.copy(), self.pressure.copy(), self.stress.copy())
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the weighted sum of several configurations (displacements, pressures, stresses) of the same mesh."""
+    """Return the weighted sum of several configurations (displacements, pressures and stresses) of the same mesh."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -127,7 +127,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the displacements, pressures and stresses of several batches of candidate laws, in the given order."""
+    """Join the configurations of several batches of candidate laws into one batch, in the given order."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -179,9 +179,9 @@ class _Step:
 
 
 class Solid:
-    """A body of silicone whose equilibrium can be computed: its mesh, planar or three-dimensional, and its supports.
+    """The silicone of a beam as a finite-element model, with its supports, its rigid magnet and a face under pressure.
 
-    The body may contain a rigid body (the magnet), and a pressure may act on one face.
+    Its equilibrium under loads is computed by `equilibrium`.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class Solid:
     fixed : ndarray of bool, shape (N, d)
         True for the displacements that are zero.
     rigid_nodes : ndarray of int or None
-        Nodes that move with the rigid body; None without a body.
+        Nodes that move with the rigid body (the magnet); None without a body.
     rigid_centre : tuple of float
         Reference point of the rigid body in mm.
     face : FollowerPressure or None
@@ -229,7 +229,7 @@ class Solid:
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return displacements, pressures and stresses of zero for the given number of candidate laws (``batch``)."""
+        """Return the undeformed configuration for ``batch`` candidate laws: all its arrays are zero."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -241,7 +241,7 @@ class Solid:
     def by_element(self, nodal: Array) -> Array:
         """Copy values at the N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n).
 
-        There are B candidate laws, and d coordinates.
+        There are B candidate laws and d coordinates.
         """
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
@@ -311,7 +311,10 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the shapes of B candidate laws after a Newton step, and the largest move of a node, (B,) in mm."""
+        """Return the configurations after a Newton step, and the largest displacement in this step, (B,) in mm.
+
+        There is one row for each of B candidate laws.
+        """
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -391,8 +394,8 @@ class Solid:
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
     """Add a further stiffness to the tangent stiffnesses of the elements, and yield the sums, group by group.
 
-    tangents: the stiffnesses of consecutive groups of elements. further: function that returns the stiffness to add to
-    the elements with the given numbers.
+    tangents: the stiffnesses of consecutive groups of elements. further: function that returns the further stiffness of
+    the elements in a given slice.
     """
     first = 0
     for K in tangents:

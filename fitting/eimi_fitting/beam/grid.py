@@ -31,10 +31,10 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the coordinates y in mm of the mesh lines at a narrow magnet, and a number of elements.
+    """Return the y of the mesh lines across a beam with a narrow magnet, in mm, and a number of elements.
 
-    The number is that of the elements in the silicone on one side of the magnet. across: the number of elements across
-    a beam without such a magnet.
+    The number is that of the elements across the silicone on one side of the magnet. across: the number of elements
+    across a beam without such a magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -56,7 +56,8 @@ def _count(along: int, relative_length: float) -> int:
 class Grid:
     """The planar mesh of a specimen.
 
-    The elements are shorter near the clamp and near the magnet.
+    The elements are shorter near the clamp and near the magnet. The mesh is built in a reference beam (a straight beam
+    of constant width and depth), which is mapped to the specimen at rest.
 
     Parameters
     ----------
@@ -68,14 +69,14 @@ class Grid:
         Number of elements across the width. If the magnet is narrower, there are at least half of this number (rounded
         up) on each side of the magnet, finer toward the magnet's corners.
     divided : bool
-        Put mesh lines through the magnet's block even if the magnet is as wide as the beam.
+        True: put mesh lines through the magnet even if it is as wide as the beam.
 
     Attributes
     ----------
     strip : Strip
-        The map from the straight strip (a straight beam of constant width and depth) to the specimen at rest.
+        The map from the reference beam to the specimen at rest.
     straight_mm : ndarray, shape (N, 2)
-        Positions (x, y) of the N nodes in the straight strip.
+        Positions (x, y) of the N nodes in the reference beam.
     mesh : Mesh
         The elements of silicone. The nodes cover the whole specimen with the magnet, column by column from clamp to
         tip.
@@ -88,11 +89,12 @@ class Grid:
         Length, width and depth of the rigid block (the magnet and the silicone that moves rigidly with it); zero
         without a magnet.
     magnet_nodes : ndarray of int or None
-        Nodes on and in the block; None without a magnet.
+        Nodes on and in the rigid block; None without a magnet.
     inside : ndarray of bool, shape (cells along, cells across)
-        Whether each cell between the lines lies in the rigid block.
+        Whether each cell between the mesh lines lies in the rigid block.
     per_specimen : float
-        The fraction of a load on the whole specimen that acts on the mesh: 1 / depth in 1/mm.
+        Factor that converts a load on the whole specimen to the load per mm of depth, with which the planar model
+        computes: 1 / depth in 1/mm.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
@@ -145,16 +147,17 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points (x, y), (n, 2) in mm, of a straight beam that correspond to points of the beam at rest.
+        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
 
-        The straight beam has a constant width and is mapped to the shape at rest.
+        The reference beam is straight and has a constant width; the mesh is built in it. points_mm: the points at rest,
+        (n, 2).
         """
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
 
-        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
+        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
@@ -165,9 +168,9 @@ class Grid:
         return np.asarray((x > near + 1e-9) & (x <= far) & (np.abs(y) <= half))
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes of the element around each of n points, and their weights, (n, 9) each.
+        """Return the nine nodes around each of n points and their shape functions there, (n, 9) each.
 
-        points_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
+        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
 
         Raises
         ------
@@ -193,14 +196,15 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes that share a force at a point (x, y), and their shares of the force, (1, 9) each.
+        """Return the nine nodes that share a force at a point (x, y), and their fractions of the force, (1, 9) each.
 
-        point_mm: the point in the straight beam that is mapped to the beam at rest.
+        point_mm: the point in the reference beam, a straight beam of constant width. The first axis of the results is
+        for solid meshes, in which a force is spread over several points through the depth.
         """
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
-        """Return the part of the left or right face on which a pressure acts; None without a pressure face."""
+        """Return the part of the left or the right side on which a pressure acts; None without a pressure."""
         face = self.specimen.pressure_face
         if face is None:
             return None

@@ -28,7 +28,7 @@ MM_PER_M = 1e3  # kg m/s² = N: a mass in kg times an acceleration in mm/s² is 
 
 
 class Inertia:
-    """The masses on the mesh of a beam model, in N s²/mm, for the fraction of the specimen that the mesh represents.
+    """The masses of a beam model in N s²/mm, for the part of the specimen that the mesh represents.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Inertia:
     of_elements : ndarray, shape (E, n, n)
         Consistent mass matrix of each element, the same for every direction.
     body_mass : float
-        Mass of the rigid body.
+        Mass of the rigid body (the magnet and the silicone that moves rigidly with it).
     body_rotary : float
         Rotary inertia of the rigid body about its centre of mass, in N s² mm.
     body_arm_mm : ndarray, shape (2,)

@@ -29,11 +29,15 @@ class UniformField:
     numbers: Array
 
     def take(self, states: States) -> UniformField:
-        """Return the field in the given states only."""
+        """Return the field in the load states with the given indices only."""
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the field: a torque on the magnet, and dead forces on the nodes of magnetised silicone."""
+        """Add the loads of the field to ``total``: a torque on the magnet, and forces on magnetised silicone.
+
+        numbers: flux density (x, y) in T in one load state, (2,). field_factor: factor on it for each of B candidate
+        laws, (B,).
+        """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
         # The energy of hard-magnetic silicone is linear in the displacements, so that the forces are dead loads (Zhao,
@@ -58,11 +62,15 @@ class CoilField:
     shape: CoilShape
 
     def take(self, states: States) -> CoilField:
-        """Return the field in the given states only."""
+        """Return the field in the load states with the given indices only."""
         return CoilField(self.numbers[states], self.shape)
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the coil's field: on the magnet, and on magnetised silicone."""
+        """Add the loads of the coil's field on the magnet and on magnetised silicone to ``total``.
+
+        numbers: flux density (x, y) in T at the position of the magnet at rest, in one load state, (2,). field_factor:
+        factor on it for each of B candidate laws, (B,).
+        """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
         if mesh.nodal_dipole.any():
@@ -84,11 +92,14 @@ class Gravity:
     numbers: Array
 
     def take(self, states: States) -> Gravity:
-        """Return the acceleration of gravity in the given states only."""
+        """Return the acceleration of gravity in the load states with the given indices only."""
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the weight of the silicone to the nodes, and the weight of the rigid body (magnet) to the rigid body."""
+        """Add the weight of the silicone and of the magnet to ``total``, the sum of all loads.
+
+        numbers: acceleration (x, y) in m/s² in one load state, (2,). field_factor: not used.
+        """
         total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
         weight = mesh.magnet_mass * numbers
         total.force[:] += weight
@@ -108,11 +119,14 @@ class TipForce:
     numbers: Array
 
     def take(self, states: States) -> TipForce:
-        """Return the force in the given states only."""
+        """Return the force in the load states with the given indices only."""
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to the nodes around the loaded point, or to the rigid magnet if the point is on the magnet."""
+        """Add the force to ``total``: to the rigid magnet if the point lies on it, otherwise to the nodes around it.
+
+        numbers: force (x, y) in N in one load state, (2,). field_factor: not used.
+        """
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
 
@@ -130,11 +144,13 @@ class Pressure:
     numbers: Array
 
     def take(self, states: States) -> Pressure:
-        """Return the pressure in the given states only."""
+        """Return the pressure in the load states with the given indices only."""
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the pressure to the sum of all pressures on the face.
+        """Add the pressure to the sum of all pressures on the face, in ``total``.
+
+        numbers: pressure in Pa in one load state, (1,). field_factor: not used.
 
         Raises
         ------

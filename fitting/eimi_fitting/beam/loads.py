@@ -29,7 +29,7 @@ def _direction(angle_deg: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class Loads:
-    """The loads on one specimen in K states, in the beam frame.
+    """The loads on one specimen in K load states, in the beam frame.
 
     Parameters
     ----------
@@ -38,7 +38,8 @@ class Loads:
     gravity : ndarray, shape (K, 2)
         Acceleration of gravity in m/s².
     tip_force_N : ndarray, shape (K, 2)
-        Force at the tip, on the whole specimen, in N.
+        Force in N at the point ``Specimen.tip_load_mm``, which is the middle of the tip by default. This is the total
+        force over the depth of the specimen, for a planar model too.
     pressure_Pa : array_like, shape (K,) or ()
         Pressure on the specimen's pressure face in Pa, positive if it pushes on the body; one value for all states or
         one for each state.
@@ -118,12 +119,12 @@ class Loads:
         )
 
     def plus(self, *actuations: Actuation) -> Loads:
-        """Return these loads with further kinds of load (``actuations``) on the same specimen.
+        """Return these loads together with further kinds of load (``actuations``) on the same specimen.
 
         Raises
         ------
         ValueError
-            An added load has another number of states than these loads.
+            A further load and these loads do not have the same number of states.
         """
         for actuation in actuations:
             if len(actuation.numbers) != len(self):
@@ -149,7 +150,7 @@ class Loads:
         return len(self.field_T)
 
     def take(self, states: NDArray[np.intp]) -> Loads:
-        """Return the loads in the given states only, in the given order."""
+        """Return the loads in the load states with the given indices only, in the given order."""
         pressure = np.asarray(self.pressure_Pa, float)
         return Loads(
             self.field_T[states],
@@ -161,20 +162,20 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return the m numbers that describe the loads in state k, shape (m,).
+        """Return the loads in state k as one vector, shape (m,).
 
-        The order is field, gravity, tip force and pressure, then the further kinds of load in ``others``.
+        Its m components are those of field, gravity, tip force and pressure, then of the further loads in ``others``.
         """
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return m zeros, the numbers that describe a state without loads."""
+        """Return the vector of m zeros that describes a state without loads, in the form of ``state``."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return a function that computes the loads on the given mesh in one state.
+        """Return a function that computes the loads on the nodes and on the magnet of a mesh, in one load state.
 
-        Its arguments are the m numbers that describe the loads, (m,), and a factor on the magnetic loads for each of B
-        candidate laws, (B,).
+        Its first argument is the vector of the loads, (m,), as ``state`` returns it. Its second argument is a factor on
+        the magnetic loads for each of B candidate laws, (B,).
         """
         return partial(mesh.loads, self.actuations)

@@ -23,10 +23,10 @@ class Mesh:
     nodes : ndarray, shape (N, 2)
         Positions (x, y) of the nodes in mm.
     elements : ndarray of int, shape (E, 9)
-        Nodes of each element. The local node with the number 3 i + j is the i-th node along the beam and the j-th
-        across.
+        Indices of the nine nodes of each element. Column 3 i + j has the i-th node along the beam and the j-th across
+        (i, j = 0, 1, 2).
     columns, rows : int
-        Number of columns of nodes, and number of nodes in each column.
+        Number of columns of nodes, and number of nodes in each column. A column leads across the beam, a row along it.
     thickness : ndarray, shape (N,), or None
         Depth at the nodes divided by the depth of the specimen; None if the depth is the same everywhere.
     """
@@ -38,11 +38,11 @@ class Mesh:
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
-        """Return the numbers of the nodes in column i, ordered across the beam; a negative i counts from the tip."""
+        """Return the indices of the nodes in column i, ordered across the beam; a negative i counts from the tip."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Return the numbers of the nodes in row j, ordered along the beam; a negative j counts from the last row."""
+        """Return the indices of the nodes in row j, ordered along the beam; a negative j counts from the last row."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
@@ -75,10 +75,11 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Divide a length into elements that are shorter at its ends; return their boundaries in mm, increasing.
+    """Divide a length into elements that are shorter at its two ends; return their boundaries in mm, increasing.
 
-    finer_at_start, finer_at_end: relative increase of the number of elements per mm at the ends, which fades over
-    ``fade_mm``. steps_mm: coordinates that must be boundaries of elements.
+    count: number of elements, if ``steps_mm`` is empty. fade_mm: distance from an end over which the refinement fades.
+    finer_at_start, finer_at_end: relative increase of the number of elements per mm at the two ends. steps_mm:
+    coordinates that must be boundaries of elements, with more elements near them.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)

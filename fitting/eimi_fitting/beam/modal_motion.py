@@ -28,14 +28,13 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of the beam for B candidate laws, reduced to m given shapes.
+    """The matrices of small motions of the beam for B candidate laws, if the motion is a sum of m given shapes.
 
     Attributes
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
         The stiffness due to the tangent of the law, the stiffness due to stresses and loads (N/mm), and the mass matrix
-        (N s²/mm). They belong to the part of the specimen that has a mesh:
-        half of it in a solid model, 1 mm of its depth in a planar model.
+        (N s²/mm). They belong to half of the specimen in a solid model, and to 1 mm of its depth in a planar model.
     nodal : ndarray, shape (m, B, N, d)
         Displacements of the N nodes with d coordinates in each shape, in mm.
     rigid : ndarray, shape (m, B, 3)
@@ -65,7 +64,7 @@ class ReducedMotion:
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of small vibrations of only the candidate laws with the indices ``rows``."""
+        """Return the matrices of small vibrations of the candidate laws with the indices ``rows`` only."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],

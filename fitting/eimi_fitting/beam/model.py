@@ -91,15 +91,15 @@ class BeamModel:
         self.loaded = LoadedMesh(self.grid, self.solid)
 
     def __reduce__(self) -> tuple[type[BeamModel], tuple[Specimen, int, int, Section]]:
-        """Pickle only the arguments from which the model is built; its arrays are a thousand times larger."""
+        """Pickle only the arguments from which the model is built, because its arrays are large."""
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
-        """Return a planar model of another specimen with the same numbers of elements."""
+        """Return a planar model of another specimen with the same numbers of elements along and across the beam."""
         return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
-        """Return a model of the same specimen with two times the elements along the beam and three times across."""
+        """Return a model of the same specimen with twice as many elements along and three times as many across."""
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
@@ -107,8 +107,9 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes of the element around each of n material points, and their weights, (n, 9) each.
+        """Return the nine nodes around each of n material points and their shape functions there, (n, 9) each.
 
+        The displacement of a point is the sum of the displacements of these nodes, weighted by the shape functions.
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
         Raises
@@ -119,7 +120,7 @@ class BeamModel:
         return self.grid.place(self.grid.straightened(points_mm))
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points for P candidate laws in K states, (P, K, n, 2) in mm.
+        """Return the positions (x, y) of n material points for P candidate laws in K load states, (P, K, n, 2) in mm.
 
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
@@ -132,9 +133,10 @@ class BeamModel:
         return points + self.displacements(shapes, self.grid.straightened(points))
 
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
-        """Return the displacements of n points for P candidate laws in K states, (P, K, n, 2) in mm.
+        """Return the displacements of n points for P candidate laws in K load states, (P, K, n, 2) in mm.
 
-        straight_mm: coordinates (x, y) of the points in the straight beam that is mapped to the beam at rest, (n, 2).
+        straight_mm: coordinates (x, y) of the points in the reference beam, (n, 2). This straight beam of constant
+        width is mapped to the specimen at rest by `Strip.at_rest`.
 
         Raises
         ------
@@ -151,7 +153,7 @@ class BeamModel:
         return step
 
     def carried(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n points of the rigid magnet for P candidate laws in K states, (P, K, n, 2) in mm.
+        """Return positions of n points of the rigid magnet for P candidate laws in K load states, (P, K, n, 2) in mm.
 
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
         """
@@ -162,9 +164,9 @@ class BeamModel:
         return np.stack([x, y], axis=-1)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet for P candidate laws in K states, (P, K) in degrees.
+        """Return the rotation of the magnet from rest for P candidate laws in K load states, (P, K) in degrees.
 
-        Without a magnet, return the rotation of the last column of nodes, at the tip.
+        Without a magnet, return the rotation of the cross-section at the tip.
         """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
@@ -228,7 +230,7 @@ class BeamModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, keep)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch in each of E elements for P candidate laws in K states, (P, K, E)."""
+        """Return the largest principal stretch in E elements for P candidate laws in K load states, (P, K, E)."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 2))
         return flat.max(axis=2).T.reshape(p, k, -1)

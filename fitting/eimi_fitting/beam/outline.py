@@ -23,21 +23,21 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the left and the right edge of a planar beam model for P candidate laws in K states.
+    """Return the left and the right edge of a planar beam model for P candidate laws in K load states.
 
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
         The left edge (y < 0 at rest), then the right edge. Each edge has S quadratic segments from clamp to tip. Each
-        segment is given by three points (x, y) in mm. Each side of an element at the edge is a segment. The side of a
-        magnet that is as wide as the beam is also a segment, and this segment stays straight.
+        segment is given by three points (x, y) in mm. A segment is the side of an element, or the side of a magnet that
+        is as wide as the beam; the side of the magnet stays straight.
     """
     place = model.mesh.nodes + shapes.displacement
     return _segments(np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2))
 
 
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
-    """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K states.
+    """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K load states.
 
     Parameters
     ----------
@@ -51,7 +51,8 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
     Returns
     -------
     ndarray, shape (P, K, 2, S, 3, 2)
-        The left outline, then the right outline, each as S quadratic segments of three points (x, y).
+        The left outline (y < 0 at rest), then the right outline, each as S quadratic segments of three points (x, y) in
+        mm.
 
     Raises
     ------
@@ -85,10 +86,10 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
-    """Return the left and right face of a solid model as points in mm, (P, K, 2, stations, nodes in depth, 3).
+    """Return the nodes on the left and the right face of a solid model, in mm, (P, K, 2, n, m, 3).
 
-    There are P candidate laws and K states. At each station along the beam the points lead from mid-depth to the
-    surface.
+    There are P candidate laws and K load states. At each of n stations along the beam, m nodes lead from mid-depth to
+    the surface with z > 0.
     """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
@@ -96,10 +97,10 @@ def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
 
 
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
-    """Return points on the left and right face of a planar model in mm, (P, K, 2, stations, 3, 3).
+    """Return points on the left and the right face of a planar model, in mm, (P, K, 2, n, 3, 3).
 
-    There are P candidate laws and K states. At each station along the beam three points lead from mid-depth to the
-    surface.
+    There are P candidate laws and K load states. At each of n stations along the beam, three points lead from mid-depth
+    to the surface with z > 0.
     """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
@@ -110,7 +111,7 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Divide lines of 2 S + 1 points (x, y), (..., 2 S + 1, 2), into S quadratic segments, (..., S, 3, 2)."""
+    """Divide curves of 2 S + 1 points (x, y), (..., 2 S + 1, 2), into S quadratic segments, (..., S, 3, 2)."""
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
@@ -127,10 +128,10 @@ def _outward(curves: Array) -> Array:
 
 
 def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return the points at which the lines along one face of the beam cross the normals of the beam in the picture.
+    """Return where m curves along a face of the beam cross the beam's normals in the picture, (..., n, m, 2).
 
-    lines: points (x, y) of m lines at n stations along the beam, (..., n, m, 2). middle, normal: at each station, the
-    point at mid-depth and the normal of the beam, (..., n, 2).
+    lines: points (x, y) of the curves, one for each depth, at n stations along the beam, (..., n, m, 2). middle,
+    normal: the point of the curve at mid-depth, and its unit normal, at each station, (..., n, 2).
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
@@ -156,10 +157,10 @@ def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the point of each of n lines that lies farthest in the direction ``normal`` in the picture, (..., n, 2).
+    """Return the outermost point (x, y) of a face of the beam in the picture, at each of n stations, (..., n, 2).
 
-    lines: points (x, y) of D quadratic segments through the depth, (..., n, 2 D + 1, 2). normal: the outward normals,
-    (..., n, 2).
+    At each station a curve of D quadratic segments leads across the face, through the depth of the beam. lines: the
+    points (x, y) of these curves, (..., n, 2 D + 1, 2). normal: the unit vectors that point outward, (..., n, 2).
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
@@ -172,7 +173,10 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2)."""
+    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2).
+
+    per_segment: number of straight lines that replace a segment.
+    """
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
     inner = np.einsum("...sad,ax->...sxd", curves, shape)

@@ -47,9 +47,10 @@ LoadsAt = Callable[[Array, Array], SolidLoads]
 
 @dataclass(frozen=True)
 class Shapes:
-    """The deformed shapes of the beam for P candidate laws in K states.
+    """The deformed shapes of the beam for P candidate laws in K load states.
 
-    The mesh has N nodes in d dimensions. A state that could not be solved has the last shape that was reached.
+    The mesh has N nodes in d dimensions. For a state that could not be solved, the arrays contain the last shape that
+    was reached.
 
     Attributes
     ----------
@@ -80,11 +81,11 @@ class Shapes:
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Whether all states of each of P candidate laws have the status CONVERGED, shape (P,)."""
+        """Whether each of P candidate laws has the status CONVERGED in all load states, shape (P,)."""
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return the shapes of the given candidate laws only; a candidate may occur more than once."""
+        """Return the shapes of the candidate laws with the indices ``rows`` only; an index may occur more than once."""
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -115,7 +116,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the candidate laws with the numbers ``rows``, and the factors on their magnetic loads.
+        """Return the candidate laws with the indices ``rows``, and the factors on their magnetic loads.
 
         The factors have the shape (B,) for B candidates, or (1,) if all factors are 1.
         """
@@ -184,7 +185,7 @@ def follow(
     keep: bool = False,
     beside: Configuration | None = None,
 ) -> Shapes:
-    """Return the shapes of all candidate laws in K states, solved one state after another.
+    """Return the shapes of all candidate laws in K load states, solved one state after another.
 
     Parameters
     ----------
@@ -241,9 +242,10 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Return the shapes in many states, all solved together, or None if a solution fails.
+    """Return the shapes of all candidate laws in K load states, solved for all states at once, or None.
 
-    near: the configurations of a similar beam, one row for each state, from which the solutions begin.
+    None if one of the solutions fails. near: the configurations of a similar beam, one row for each state, with which
+    Newton's method begins.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -277,7 +279,7 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Mark converged states as UNSTABLE if the law is not stable up to the largest stretch of the state."""
+    """Set the status UNSTABLE in each converged state whose stretches are beyond the stable range of the law."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -295,9 +297,10 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Solve the states of the candidate laws ``rows`` under a new load; return status and number of iterations.
+    """Find the equilibria of the candidate laws with the indices ``rows`` under the next load, in place.
 
-    now: the configurations, which are changed in place. near: a configuration at which the first attempt begins.
+    Returns the status and the number of iterations of each candidate. path: the equilibria under earlier loads. now:
+    the configurations, which are changed in place. near: a configuration with which the first attempt begins.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
@@ -335,10 +338,11 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Solve the candidate laws ``rows`` under a new load, in ``cuts`` equal steps from the last state of the path.
+    """Find the equilibria of candidate laws under the next load, which is reached in ``cuts`` equal steps.
 
-    Returns configuration, status, number of iterations, and whether the solution certainly belongs to the same path.
-    only_try: give up a candidate as soon as its stiffness is not positive definite.
+    Returns configuration, status, number of iterations, and whether the solution certainly belongs to the same
+    equilibrium path. rows: indices of the candidates. path: the equilibria under earlier loads. only_try: give up a
+    candidate as soon as its stiffness is not positive definite.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -388,9 +392,10 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the solved beam is strained about as much as predicted, for each of B candidate laws, (B,).
+    """Return whether the largest strain of each of B solutions is close to, or below, that of its start, (B,).
 
-    predicted: the configurations at which Newton's method began. solved: those at which it ended.
+    A much larger strain is a sign of another equilibrium than the expected one. predicted: the configurations with
+    which Newton's method began. solved: its results.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
@@ -401,7 +406,11 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Return the configuration under a new load, extrapolated from the solved states in ``path``, or None."""
+    """Return the configuration under the load ``load``, extrapolated from the equilibria under earlier loads, or None.
+
+    None if fewer than two of the earlier loads can be used: they must lie on a straight line with ``load``. path: the
+    earlier loads and the equilibria under them.
+    """
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

@@ -29,7 +29,7 @@ class FollowerPressure:
     mesh : Mesh
         The planar mesh.
     nodes : ndarray of int, shape (2 S + 1,)
-        Nodes along the S sides of elements, ordered so that the beam is on the left-hand side on the way from the first
+        Nodes along the S sides of elements, ordered so that the beam lies to the left of the direction from the first
         node to the last.
     spans : ndarray, shape (S, 2), or None
         Start and end of the part of each side that is under pressure, in the side's coordinate xi from -1 to 1; None:

@@ -78,7 +78,8 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
         The mode as a function of the arc length divided by the length of the flexible part, from 0 at the clamp to 1.
         Beyond the flexible part, the value of the mode at 1 is added.
     before : callable
-        Function that interpolates the table ``rows`` at any fraction of the beam's length, for the inserted rows.
+        Function that interpolates the table ``rows`` at any fractions of the beam's length, for rows that have to be
+        inserted.
     """
     if rows:
         at, values = np.array(rows).T
@@ -96,12 +97,12 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 
 
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
-    """Return the offset of the centre line due to modes of bending, (n,) in mm.
+    """Return the offset of the centre line, normal to the beam, due to modes of bending, (n,) in mm.
 
     Parameters
     ----------
     bends_mm : sequence of float
-        Amplitudes of the modes in mm.
+        Amplitudes of the modes: the largest offset in mm.
     along : ndarray, shape (n,)
         Arc length from the clamp, divided by the length of the flexible part.
     """
@@ -111,8 +112,8 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
     """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    x: arc length from the clamp. Arc length and offset are divided by the length of the flexible part; the angle is in
-    rad.
+    The angle is in rad. x: arc length from the clamp. Arc length and offset are divided by the length of the flexible
+    part.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -41,7 +41,7 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Give the nodes of the rigid body (magnet) their displacements, in place.
+        """Set the displacements of the nodes of the rigid body (magnet), in place, from the motion of the body.
 
         displacement: displacements of all N nodes with d coordinates for B candidate laws, (B, N, d) in mm. rigid:
         translation (x, y) in mm and rotation in rad of the body, (B, 3).
@@ -52,10 +52,10 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of the elements' displacements by the motion of the magnet (rigid), (Et, B, u, 3).
+        """Return the derivatives of the displacements of elements at the magnet by the magnet's motion, (Et, B, u, 3).
 
-        There are Et elements at the magnet with u displacements each. rigid: translation (x, y) in mm and rotation in
-        rad of the magnet for B candidate laws, (B, 3).
+        Et elements have nodes on the magnet; each element has u displacements. rigid: the motion, which is translation
+        (x, y) in mm and rotation in rad, for B candidate laws, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -64,7 +64,7 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the stiffness against rotation of the body that is due to the forces on its nodes, (B,).
+        """Return the rotational stiffness of the rigid body (magnet) due to the forces on its nodes, (B,) in N mm.
 
         force: the forces (E, B, u) on the u unknowns of each of E elements, for B candidate laws. rigid: translation
         (x, y) in mm and rotation in rad of the body, (B, 3).
@@ -75,10 +75,10 @@ class RigidBody:
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment of a load with constant direction on the rigid body (magnet), and its stiffness, (B,) each.
+    """Return the moment on the rigid body (magnet) by loads with constant direction, and its stiffness, (B,) each.
 
-    Its potential is -Q : R(theta), with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the rotation theta.
-    rigid: translation (x, y) and rotation of the body, (B, 3).
+    The potential of the loads is -Q : R(theta), with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the
+    rotation theta, for B candidate laws. rigid: translation (x, y) and rotation of the body, (B, 3).
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

@@ -26,7 +26,7 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the face.
+    """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the surface.
 
     magnet_depth: depth of the magnet in mm. more: number of elements to add to the part inside the magnet's depth, and
     also to the part outside.
@@ -44,6 +44,9 @@ def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
 class SolidGrid:
     """The solid mesh of a specimen, over half of its depth.
 
+    The mesh is built in a reference beam (a straight beam of constant width and depth), which is mapped to the specimen
+    at rest.
+
     Parameters
     ----------
     specimen : Specimen
@@ -59,9 +62,9 @@ class SolidGrid:
     flat : Grid
         The planar mesh with the same lines.
     strip : Strip
-        The map from the straight strip (a straight beam of constant width and depth) to the specimen at rest.
+        The map from the reference beam to the specimen at rest.
     straight_mm : ndarray, shape (N, 3)
-        Positions (x, y, z) of the N nodes in the straight strip.
+        Positions (x, y, z) of the N nodes in the reference beam.
     z_mm : ndarray
         The z coordinates of the mesh lines, from mid-depth, z = 0.
     mesh : Bricks
@@ -98,9 +101,10 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Return the points of a straight beam that correspond to n points of the beam at rest, in mm.
+        """Map n points of the specimen at rest to the reference beam, in mm.
 
-        points_mm: positions (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
+        The reference beam is straight and has a constant width and depth; the mesh is built in it. points_mm: positions
+        (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
@@ -109,10 +113,10 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the rigid block of the magnet, shape (n,).
+        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
 
-        points_mm: positions (x, y, z), (n, 3), or (x, y), (n, 2), in the straight beam that is mapped to the beam at
-        rest.
+        points_mm: positions (x, y, z), (n, 3), or (x, y), (n, 2), in the reference beam, a straight beam of constant
+        width and depth.
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
@@ -121,9 +125,10 @@ class SolidGrid:
         return on
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
-        """Return the 27 nodes of the element around each of n points, and their weights, (n, 27) each.
+        """Return the 27 nodes around each of n points and their shape functions there, (n, 27) each.
 
-        points_mm: positions (x, y, z) of the points in the straight beam that is mapped to the beam at rest, (n, 3).
+        points_mm: positions (x, y, z) of the points in the reference beam, a straight beam of constant width and depth,
+        (n, 3).
 
         Raises
         ------
@@ -148,10 +153,10 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point (x, y), and their shares of the force, (m, 27) each.
+        """Return the nodes that share a force at a point (x, y), and their fractions of the force, (m, 27) each.
 
-        The force is spread over m places through the depth. point_mm: the point in the straight beam that is mapped to
-        the beam at rest.
+        The force is spread over m points through the depth. point_mm: the point (x, y) in the reference beam, a
+        straight beam of constant width and depth.
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

@@ -28,7 +28,7 @@ class SolidModel:
     along, across : int
         Numbers of elements along the flexible part and across the width.
     more : int
-        Additional elements over half of the depth.
+        Number of elements over half of the depth in addition to the smallest number.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class SolidModel:
         field_factor: Array | None = None,
         beside: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidate laws in K states, one state after another.
+        """Find the equilibrium of P candidate laws in K load states, one state after another.
 
         Parameters
         ----------
@@ -98,9 +98,9 @@ class SolidModel:
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)
 
     def tip_angle_deg(self, shapes: Shapes) -> Array:
-        """Return the rotation of the magnet for P candidate laws in K states, (P, K) in degrees.
+        """Return the rotation of the magnet from rest for P candidate laws in K load states, (P, K) in degrees.
 
-        Without a magnet, return the rotation of the nodes of the tip at mid-depth.
+        Without a magnet, return the rotation of the cross-section at the tip, at mid-depth.
         """
         if self.specimen.magnet:
             return np.degrees(shapes.rigid[..., 2])
@@ -111,13 +111,13 @@ class SolidModel:
         return np.degrees(np.arctan2(-across[..., 0], across[..., 1]) - tip_rad)
 
     def element_stretch(self, shapes: Shapes) -> Array:
-        """Return the largest principal stretch in each of E elements for P candidate laws in K states, (P, K, E)."""
+        """Return the largest principal stretch in E elements for P candidate laws in K load states, (P, K, E)."""
         p, k = shapes.status.shape
         flat = self.solid.stretch(shapes.displacement.reshape(p * k, -1, 3))
         return flat.max(axis=2).T.reshape(p, k, -1)
 
     def positions(self, shapes: Shapes, points_mm: Array) -> Array:
-        """Return the positions of n material points for P candidate laws in K states, (P, K, n, 3) in mm.
+        """Return the positions of n material points for P candidate laws in K load states, (P, K, n, 3) in mm.
 
         points_mm: positions (x, y, z) of the points at rest, shape (n, 3), with z = 0 at mid-depth.
 

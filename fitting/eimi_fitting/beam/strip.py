@@ -35,7 +35,7 @@ class ImpossibleShape(ValueError):
 
 
 class Strip:
-    """The geometry of a specimen at rest.
+    """The map from a reference beam (straight, of constant width and depth) to the shape of a specimen at rest.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class Strip:
     Attributes
     ----------
     straight : Specimen
-        The straight strip: a straight beam of constant width and depth, which is mapped to the specimen at rest. If the
-        width varies along the magnet, the width of the strip is the smallest width there, and likewise the depth.
-        Without a magnet, the strip has ``width_mm`` and ``depth_mm`` of the specimen.
+        The reference beam. If the width varies along the magnet, the width of the reference beam is the smallest width
+        there, and likewise the depth. Without a magnet, the reference beam has ``width_mm`` and ``depth_mm`` of the
+        specimen.
     is_straight : bool
-        Whether the strip and the specimen at rest are the same.
+        Whether the reference beam and the specimen at rest are the same.
 
     Raises
     ------
@@ -84,20 +84,20 @@ class Strip:
 
     @property
     def kinks_mm(self) -> Array:
-        """The arc lengths in the flexible part at which the slope of the width or of the depth jumps."""
+        """The arc lengths in the flexible part at which the slope of the width or depth jumps, (n,) in mm."""
         at = self._length * replace(self._shape, widths=self._widths, depths=self._depths).kinks
         return np.asarray(at[(at > 0) & (at < self._near)])
 
     def width_mm(self, along_mm: Array) -> Array:
-        """Return the width of the specimen at rest at n arc lengths, (n,) in mm."""
+        """Return the width of the specimen at rest at n arc lengths from the clamp, (n,) in mm."""
         return self._width_mm + table_at(self._widths, np.asarray(along_mm) / self._length)
 
     def depth_mm(self, along_mm: Array) -> Array:
-        """Return the depth of the specimen at rest at n arc lengths, (n,) in mm."""
+        """Return the depth of the specimen at rest at n arc lengths from the clamp, (n,) in mm."""
         return self._depth_mm + table_at(self._depths, np.asarray(along_mm) / self._length)
 
     def angle_rad(self, along_mm: Array) -> Array:
-        """Return the angle of the centre line at n arc lengths, (n,) in rad."""
+        """Return the angle of the centre line at rest, from +x, at n arc lengths from the clamp, (n,) in rad."""
         s = np.asarray(along_mm, float)
         if not self._shape.turns:
             return np.zeros(s.shape)
@@ -118,9 +118,9 @@ class Strip:
         )
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Return the positions (x, y) at rest of n points (x, y) of a straight beam, (n, 2) in mm.
+        """Map n points (x, y) of the reference beam to the specimen at rest, (n, 2) in mm.
 
-        The straight beam has a constant width and is mapped to the shape at rest.
+        straight_mm: the points in the reference beam, which is straight and has a constant width, (n, 2).
         """
         points = np.asarray(straight_mm, float)
         if self.is_straight:
@@ -133,9 +133,9 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Return the points (x, y) of a straight beam that correspond to n points (x, y) at rest, (n, 2) in mm.
+        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
 
-        The straight beam has a constant width and is mapped to the shape at rest.
+        places_mm: the points at rest, (n, 2). The reference beam is straight and has a constant width.
         """
         places = np.asarray(places_mm, float)
         if self.is_straight:
@@ -160,10 +160,10 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances of the magnet's side and of the edge from the centre line, in two beams.
+        """Return the distances from the centre line to the side of the magnet and to the side of the beam, in mm.
 
-        They are (2, 1) in mm in a straight beam of constant width, and (2, n) in mm in the beam at rest, at n arc
-        lengths s in mm.
+        The first result, (2, 1), is for the reference beam, which is straight and has a constant width. The second, (2,
+        n), is for the specimen at rest, at n arc lengths s in mm from the clamp.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -178,16 +178,18 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth at rest for n points of a straight beam of constant depth, (n,) in mm.
+        """Map the distances z from mid-depth of n points from the reference beam to the specimen at rest, (n,) in mm.
 
-        s: arc lengths of the points in mm, (n,); z: their distances from mid-depth in the straight beam in mm, (n,).
+        The reference beam has a constant depth. s: arc lengths of the points from the clamp, (n,). z: their distances
+        in the reference beam, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Return the distances from mid-depth in a straight beam of constant depth for n points at rest, (n,) in mm.
+        """Map the distances z from mid-depth of n points from the specimen at rest to the reference beam, (n,) in mm.
 
-        s: arc lengths of the points in mm, (n,); z: their distances from mid-depth at rest in mm, (n,).
+        The reference beam has a constant depth. s: arc lengths of the points from the clamp, (n,). z: their distances
+        at rest, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
@@ -197,18 +199,19 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth of the beam divided by a constant depth, (n,), at n arc lengths s in mm.
+        """Return the depth of the specimen divided by the depth of the reference beam, (n,), at n arc lengths s in mm.
 
-        None if the depth is the same everywhere.
+        The reference beam has a constant depth. None if the depth of the specimen is the same everywhere.
         """
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map distances from the centre line (or from mid-depth) from a straight beam to the beam at rest, or back.
+    """Map the distances of n points from the centre line (or from mid-depth) between two cross-sections, (n,) in mm.
 
-    value: distances of n points with their sign, (n,) in mm. before, after: distances of the magnet's side and of the
-    surface, before and after the map.
+    The map is linear inside the magnet and linear in the silicone outside it. value: the distances with their sign,
+    (n,). before, after: distances of the magnet's side and of the beam's side from the centre line, in the first and in
+    the second cross-section, (2, 1) or (2, n).
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after

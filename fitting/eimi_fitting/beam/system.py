@@ -36,9 +36,9 @@ class Solution(NamedTuple):
     Attributes
     ----------
     nodes : ndarray, shape (B, n)
-        The n unknowns of the nodes.
+        Changes of the n displacements of the nodes that are unknown, in mm.
     body : ndarray, shape (B, 3)
-        The three unknowns of the rigid body (the magnet): changes of its translation (x, y) and of its rotation.
+        Changes of the translation (x, y) of the rigid body (the magnet) in mm, and of its rotation in rad.
     sound : ndarray of bool, shape (B,)
         Whether the system could be solved.
     indefinite : ndarray of bool, shape (B,)
@@ -52,7 +52,10 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The structure of the linear system of a Newton step.
+    """The assembly and solution of the linear equations of a Newton step, for a given mesh.
+
+    An object contains only where the entries of the element matrices stand in the matrix of the whole mesh. It is
+    therefore used again in each Newton step and for all candidate laws.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Add the forces on the elements to the forces on the n unknowns of the mesh, (B, n).
+        """Return the forces on the n unknowns of the mesh, summed over the elements, (B, n).
 
         force: the forces on the d unknowns of each of E elements, for B candidate laws, (E, B, d).
         """
@@ -172,7 +175,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the matrices of each group of elements, and append those of elements at the magnet to ``tied``."""
+        """Yield the given matrices of each group of elements; append those of elements at the magnet to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -180,9 +183,10 @@ class System:
             yield matrices
 
     def _reach(self, rows: Array) -> Array:
-        """Assemble the stiffness between the magnet (a rigid body) and m unknowns of the nodes around it, (B, 3, m).
+        """Return the stiffness between the magnet (a rigid body) and m unknowns of the nodes around it, (B, 3, m).
 
-        rows: the contributions of the Et elements at the body, (Et, B, 3, d), with d unknowns in each element.
+        rows: the contributions of the Et elements that have nodes on the magnet, (Et, B, 3, d), with d unknowns in each
+        element.
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
@@ -215,7 +219,13 @@ class System:
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
-    """Return the structure of the linear system of a mesh; see `System` for the parameters."""
+    """Return a `System`, which assembles and solves the linear equations of a Newton step on a mesh.
+
+    Equal arguments give the same object, if ``at_once`` is None. dofs: numbers of the d unknowns of each of E elements,
+    (E, d); -1 for an unknown that is fixed or belongs to the magnet. n: number of unknowns of the nodes. tied: indices
+    of the elements with nodes on the magnet, or None without a magnet. at_once: number of elements whose matrices are
+    in memory at the same time; None for all elements.
+    """
     if at_once is not None:
         return System(dofs, n, tied, at_once)
     return _shared_structure(dofs.tobytes(), dofs.shape, n, None if tied is None else tied.tobytes())
@@ -233,14 +243,14 @@ class FactoredSystem:
     Parameters
     ----------
     structure : System
-        The structure of the systems, which all candidates share.
+        Where the entries of the element matrices stand in the matrix of the whole mesh; the same for all candidates.
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
         Two arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation; None
-        without a body. The first array tells how the Et elements at the body move with it: the derivatives of their
-        unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the stiffness of the body itself,
-        for example due to a magnetic torque, (B, 3, 3).
+        without a body. The first array tells how the Et elements with nodes on the body move with it: the derivatives
+        of their unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the stiffness of the
+        body itself, for example due to a magnetic torque, (B, 3, 3).
 
     Attributes
     ----------
@@ -272,9 +282,10 @@ class FactoredSystem:
             self._schur = np.where(self.sound[:, None, None], schur, np.eye(3))
 
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
-        """Return the n nodal unknowns, (m, B, n), and the body's unknowns, (m, B, 3), for m right-hand sides.
+        """Return the unknowns of the nodes, (m, B, n), and of the rigid magnet, (m, B, 3), for m right-hand sides.
 
-        nodes, body: the right-hand sides, in the same shapes. The body is the rigid magnet.
+        nodes, body: the right-hand sides for the nodes and for the magnet, in the same shapes. There are B candidate
+        laws.
         """
         structure = self._structure
         if self._body is None:

@@ -46,8 +46,9 @@ class NotSolved(Exception):
 class _State:
     """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
 
-    Arrays of the N nodes have the shape (N, 2). ``overstress`` is the part of the stress that relaxes, for each term of
-    the Prony series.
+    Arrays of the N nodes have the shape (N, 2). ``points`` are the displacements of two point masses that stand for the
+    magnet, (2, 2). ``elastic`` is the stress of the instantaneous law. ``overstress`` is the part of the stress that
+    relaxes, for each term of the Prony series.
     """
 
     nodes: Array
@@ -130,7 +131,7 @@ class Transient:
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the shape of the beam at the present time, as shapes of one candidate law in one state."""
+        """Return the shape of the beam at the present time, as `Shapes` of one candidate law in one load state."""
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))
@@ -226,15 +227,14 @@ class Transient:
         ev
             Forces and stresses at the present displacements.
         remembered
-            The part of the stress that depends on the state at the beginning of the step; it is added to the stress of
-            ``ev``.
+            The part of the stress that depends on the motion before the time step; it is added to the stress of ``ev``.
         loads
             The loads on the mesh at the end of the time step.
         node_accelerations
             Accelerations of the nodes in this iteration, (N, 2); they give the inertial forces on the nodes.
         point_accelerations
-            Accelerations of the two points of the magnet, (2, 2); they give the inertial force and moment on the
-            magnet.
+            Accelerations of the two point masses that stand for the magnet, (2, 2); they give the inertial force and
+            moment on the magnet.
         inertia
             Derivative of an acceleration by the displacement at the end of the time step, in 1/s². It is 0 if inertia
             is neglected.
@@ -322,7 +322,7 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return the displacements of all N nodes, (N, 2) in mm; nodes of the rigid magnet move with the magnet."""
+        """Return the displacements of all N nodes; the nodes of the magnet move rigidly with it, (N, 2) in mm."""
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -337,16 +337,21 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _turned(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors (x, y) from the magnet's reference point to two points with its inertia, (2, 2) in mm.
+        """Return the vectors (x, y) from the magnet's reference point to two point masses, (2, 2) in mm.
 
-        derivative: 0 for the vectors, 1 or 2 for their first or second derivatives by the angle.
+        Two equal point masses stand for the magnet: they have its mass, its centre of mass and its rotary inertia.
+        rigid: translation and rotation of the magnet, (3,). derivative: 0 for the vectors, 1 or 2 for their first or
+        second derivatives by the rotation.
         """
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _carried(self, rigid: Array) -> Array:
-        """Return the displacements (x, y) in mm of two points that have the inertia of the magnet, (2, 2)."""
+        """Return the displacements (x, y) of two point masses that stand for the magnet, (2, 2) in mm.
+
+        rigid: translation (x, y) in mm and rotation in rad of the magnet, (3,).
+        """
         return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
 
 

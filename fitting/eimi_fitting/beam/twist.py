@@ -53,9 +53,10 @@ def torsion_constant_mm4(width_mm: float, depth_mm: float) -> float:
 
 
 def weight_beyond_kg(specimen: Specimen, along_mm: Array) -> Array:
-    """Return the mass in kg of the part of a specimen between the tip and each of S distances from the clamp, (S,).
+    """Return the mass in kg of the part of a specimen that lies beyond each of S cross-sections, toward the tip, (S,).
 
-    along_mm: the S distances in mm, along the beam.
+    along_mm: distances of the S cross-sections from the clamp in mm, along the beam. They lie between the clamp and the
+    magnet.
     """
     area_mm2, density = specimen.width_mm * specimen.depth_mm, 1e-9 * specimen.density_kg_m3
     mass = density * area_mm2 * np.maximum(specimen.length_mm - along_mm, 0.0)
@@ -73,27 +74,27 @@ def twist_per_tilt(
     out_of_plane_N_m2: float,
     torsion_N_m2: float,
 ) -> Array:
-    """Return the twist of a beam at S stations in K states, divided by the angle gamma of the magnetisation.
+    """Return the twist of a beam at S cross-sections in K load states, divided by the angle gamma of the magnetisation.
+
+    The angle gamma lies between the magnetisation and the plane of the picture.
 
     Parameters
     ----------
     middle_mm : ndarray, shape (K, S, 2)
-        Positions (x, y) of the S stations (cross-sections) on the middle line of the bent beam in mm, from the clamp to
-        the magnet.
+        Positions (x, y) of the middles of the S cross-sections of the bent beam in mm, from the clamp to the magnet.
     moment_N_m : ndarray, shape (K, S - 1)
-        Bending moment in the plane between the stations in N m, from +x toward +y.
+        Bending moment in the plane between neighbouring cross-sections in N m, from +x toward +y.
     force_N : ndarray, shape (K, S - 1, 2)
-        Sum of the loads (x, y) in N on a part of the beam: from the middle between two stations to the tip.
+        Sum of the loads (x, y) in N on a part of the beam: from the middle between two cross-sections to the tip.
     couple_N_m : ndarray, shape (K, 2)
         The vector product m_0 z x B in N m: magnetic moment m_0, unit normal z of the plane, field B.
     out_of_plane_N_m2, torsion_N_m2 : float
-        Stiffness A against bending out of the plane, and torsional stiffness C.
+        Stiffness A against bending out of the plane, and torsional stiffness C, in N m².
 
     Returns
     -------
     ndarray, shape (K, S)
-        Rotation of the cross-section about the middle line, divided by gamma. The angle gamma lies between the
-        magnetisation and the plane of the picture. The rotation is positive from y toward z.
+        Rotation of the cross-section about the middle line, divided by gamma. The rotation is positive from y toward z.
     """
     step = 1e-3 * np.diff(middle_mm, axis=1)
     spacing = np.linalg.norm(step, axis=-1)
@@ -123,9 +124,9 @@ def twist_per_tilt(
 
 
 def _at_stations(between: Array) -> Array:
-    """Return the tangents of the middle line at S stations (cross-sections) in K states, (K, S, 2).
+    """Return the unit tangents of the middle line at S cross-sections in K load states, (K, S, 2).
 
-    between: the tangents between neighbouring stations, (K, S - 1, 2).
+    between: the tangents in the middle between neighbouring cross-sections, (K, S - 1, 2).
     """
     first = 1.5 * between[:, :1] - 0.5 * between[:, 1:2]
     last = 1.5 * between[:, -1:] - 0.5 * between[:, -2:-1]

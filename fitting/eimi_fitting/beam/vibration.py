@@ -128,12 +128,12 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the matrices of small motions of B candidate laws about known equilibria, reduced to a few shapes.
+        """Return the matrices of small motions of B candidate laws about known equilibria, as sums of a few shapes.
 
-        chosen: the candidates. loads: the loads in one state. now: the equilibria, one row for each candidate. basis:
-        displacements of the N nodes, (m, N, d), and motion of the magnet, (m, 3), in each of m shapes; None: the lowest
-        undamped modes. shapes: number of modes for each ratio in ``stiffenings``. stiffenings: ratios of the modulus in
-        the vibration to the static modulus.
+        chosen: the candidate laws. loads: the loads in one load state. now: the equilibria, one row for each candidate.
+        basis: displacements of the N nodes with d coordinates, (m, N, d), and motion of the magnet, (m, 3), in each of
+        m shapes; None: the lowest undamped modes. shapes: number of modes for each ratio in ``stiffenings``.
+        stiffenings: ratios of the modulus in the vibration to the static modulus.
         """
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
@@ -180,8 +180,8 @@ class Vibration:
             The stiffness of E elements with u unknowns each, for one ratio of the modulus in the vibration to the
             static modulus.
         tie : ndarray, shape (Et, B, u, 3), or None
-            Derivatives of the displacements of the Et elements at the body by the motion of the body; None without a
-            body.
+            For the Et elements with nodes on the body: derivatives of their displacements by the motion of the body.
+            None without a body.
         body_rest : ndarray, shape (B, 3, 3)
             The stiffness of the body itself due to the loads on it.
         now : Configuration
@@ -221,7 +221,8 @@ class Vibration:
         """Return the u displacements of each of E elements in each of m shapes, (m, E, B, u) in mm.
 
         free: the n unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m,
-        B, 3). tie: derivatives of the displacements of Et elements by the motion of the magnet, (Et, B, u, 3), or None.
+        B, 3). tie: for the Et elements with nodes on the magnet, the derivatives of their displacements by the motion
+        of the magnet, (Et, B, u, 3); None without a magnet.
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -248,7 +249,7 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices of B candidate laws, reduced to m shapes, (B, m, m).
+        """Return the mass matrices of B candidate laws for motions that are sums of m shapes, (B, m, m).
 
         local: the u displacements of each of E elements in each shape, (m, E, B, u). free: the n unknowns of the nodes,
         (m, B, n). rigid: translation and rotation of the magnet, (m, B, 3). now: the equilibria.
@@ -265,18 +266,19 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass on the beam in each of m shapes, (m, B, 2).
+        """Return the displacement (x, y) of the point mass that hangs on the beam, in each of m shapes, (m, B, 2).
 
-        nodal: displacements of the N nodes with d coordinates in the shapes, (m, B, N, d).
+        nodal: displacements of the N nodes with d coordinates in the shapes for B candidate laws, (m, B, N, d).
         """
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
         """Return the products of the mass matrix and each of m shapes, (m, B, n) and (m, B, 3).
 
-        free: the n unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m,
-        B, 3). tie: derivatives of the u displacements of Et elements by the motion of the magnet, (Et, B, u, 3), or
-        None. now: the equilibria.
+        The first result belongs to the n unknowns of the nodes, the second to the magnet. free: the n unknowns of the
+        nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m, B, 3). tie: for the Et
+        elements with nodes on the magnet, the derivatives of their u displacements by the motion of the magnet, (Et, B,
+        u, 3); None without a magnet. now: the equilibria.
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -296,10 +298,9 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the m eigenvalues (B, m) and eigenvectors (B, m, m) of a stiffness and a mass matrix for B candidates.
+    """Return the eigenvalues, (B, m), and eigenvectors, (B, m, m), of a stiffness and a mass matrix.
 
-    stiffness, mass: symmetric matrices of each candidate law, reduced to m shapes, (B, m, m); the diagonal of ``mass``
-    is 1.
+    stiffness, mass: symmetric m x m matrices for each of B candidate laws, (B, m, m); the diagonal of ``mass`` is 1.
     """
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
@@ -309,10 +310,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the m x m matrix v_i^T A v_j of an assembled matrix A and m shapes v_i, for B candidate laws, (B, m, m).
+    """Return the product v_i^T A v_j of the matrix A of the whole mesh and each two of m shapes v_i, (B, m, m).
 
-    matrices: the matrices of E elements with u unknowns each, (E, B, u, u), whose assembly is A. local: the
-    displacements of the elements in each shape, (m, E, B, u).
+    There are B candidate laws. matrices: the matrices of E elements with u unknowns each, which are added up to A, (E,
+    B, u, u). local: the displacements of the elements in each shape, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -321,11 +322,18 @@ def _quadratic(local: Array, matrices: Array) -> Array:
 def _tangents(
     solid: Solid, batch: Any, loads: SolidLoads, now: Configuration
 ) -> tuple[Array, Array, Array | None, Array]:
-    """Return the tangent stiffness about an equilibrium in two parts, and two arrays for the rigid body (the magnet).
+    """Return the stiffness against small motions about an equilibrium, separately for law, loads and rigid magnet.
 
-    The parts are those of the law and of stresses and loads, for E elements with u displacements and B candidate laws,
-    (E, B, u, u) each. The arrays are derivatives of the displacements of Et elements by the motion of the body, (Et, B,
-    u, 3), and the stiffness of the body, (B, 3, 3).
+    Returns
+    -------
+    material, rest : ndarray, shapes (E, B, u, u)
+        The stiffness due to the tangent of the law, and the stiffness due to stresses and loads, for E elements with u
+        displacements each and B candidate laws.
+    tie : ndarray, shape (Et, B, u, 3), or None
+        For the Et elements with nodes on the magnet: derivatives of their displacements by the motion of the magnet.
+        None without a magnet.
+    body_rest : ndarray, shape (B, 3, 3)
+        The stiffness of the magnet itself due to the loads on it.
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

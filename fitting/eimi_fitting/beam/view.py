@@ -25,13 +25,14 @@ class View:
     tilt_deg : tuple of float
         Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     ruler_mm : ndarray, shape (2, 2), optional
-        Two points (x, y) at mid-depth. With a tilt, the image is scaled and rotated so that the distance and direction
-        between these two points are true. If ``ruler_mm`` is not given, the scale is true where the axis of the lens
-        meets mid-depth.
+        Two points (x, y) at mid-depth. With a tilt, the image is scaled and rotated so that the vector between these
+        two points appears in its real length and direction. If ``ruler_mm`` is not given, lengths are real where the
+        axis of the lens meets mid-depth.
 
     Examples
     --------
-    The plane comes nearer to the camera by 3 degrees along x. The place at 40 mm appears farther from the clamp:
+    The beam is tilted by 3 degrees toward the camera in the direction of +x. A point at x = 40 mm appears farther from
+    the clamp than it is:
 
     >>> view = View(np.zeros(2), stand_off_mm=200.0, tilt_deg=(3.0, 0.0))
     >>> view.seen(np.array([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]])).round(2).tolist()
@@ -47,7 +48,7 @@ class View:
         """Return where points of the beam appear in the image, as positions (x, y) in mm, (..., 2).
 
         The clamp, at the origin, always appears at the origin. places_mm: coordinates (x, y, z) of the points in mm,
-        (..., 3); z points away from the camera.
+        (..., 3); z points away from the camera, with z = 0 at mid-depth.
         """
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
@@ -63,7 +64,7 @@ class View:
         return np.asarray(appear @ turned)
 
     def _tilted(self, places_mm: Array) -> Array:
-        """Return where a tilted camera sees points (x, y, z): (..., 2) in mm from the centre of the picture."""
+        """Project points (x, y, z) of a tilted beam into the image, (..., 2) in mm from the axis of the lens."""
         slope = np.radians(self.tilt_deg)
         angle = float(np.hypot(*slope))
         toward = slope / angle
