@@ -1,9 +1,9 @@
 """Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
 
-The error of a state (one load) is its root mean square residual. The beam model does not explain a state if the error
-exceeds both of two limits. One limit is three times the stated uncertainty of the points. The other is a twentieth of
-the largest deflection, or half the width of the beam if this is smaller. The fit is then refused. Residuals that are
-many times the stated uncertainty of the edges cause a doubt (a reason to distrust the result).
+The error of a state (one load) is its root mean square residual. A fit is refused if the beam model does not explain a
+state, that is, if the error of the state exceeds two limits. One limit is three times the stated uncertainty of the
+points. The other is a twentieth of the largest deflection, or half the width of the beam if this is smaller. A fit is
+accepted with a doubt (a warning) if the residuals are many times the stated uncertainty of the edges.
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ def check_explained(
     experiments : sequence of Experiment
         The experiments, in the same order as in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the root mean square residuals of the K states in mm if the clamp may be displaced in the
-        picture. A state is checked with these residuals if they are smaller.
+        For each experiment, the root mean square residuals of the K states in mm if the clamp were elsewhere in the
+        picture. A state is checked with these residuals if they are smaller than those of ``final``.
     curves : bool
         Whether the fit contains tensile curves.
     beyond : bool
@@ -156,19 +156,19 @@ DoubtKind = Literal[
 
 @dataclass(frozen=True)
 class Doubt:
-    """A reason to distrust the result of a fit.
+    """A reason to distrust the result of a fit, which is shown as a warning.
 
     Parameters
     ----------
     words : str
         The reason as an English text for people.
     dataset, state, curve : int, optional
-        Index of the dataset, index of the state in this dataset, and index of the tensile curve that the doubt
-        concerns, counted from 0; None if the doubt does not concern such an object.
+        Index of the dataset, of the state in this dataset, or of the tensile curve to which the doubt belongs, counted
+        from 0; None if it does not belong to one dataset, state or curve.
     modulus_percent : tuple of float, optional
         Smallest and largest change of the initial shear modulus in per cent if the doubt is right; None if not known.
     short : str
-        The doubt in few words for the first line of a result; empty if there are none.
+        The doubt in few words for the first line of a result; empty if there is no short form.
     kind : DoubtKind, optional
         Subject of the doubt, for programs; None for a doubt from a file, which does not store the subject.
     """
@@ -230,9 +230,10 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a warning (doubt) for each prior that differs by more than three standard deviations from all other data.
+    """Return a warning (doubt) for each prior that contradicts the measurements by more than three standard deviations.
 
-    ``distances`` has the difference of each prior from the other data, in standard deviations.
+    ``distances`` has, for each prior, the difference between its mean and the estimate from all other data, in standard
+    deviations.
     """
     return tuple(
         Doubt(
@@ -276,9 +277,11 @@ def doubts(
     missing : sequence of str
         One sentence for each error that the intervals do not contain, such as the error of the mesh.
     is_named : bool
-        Whether the interval of the modulus contains the effect of the errors that probably caused the residuals.
+        Whether the intervals contain the effect of an error of the test bench that probably caused the residuals. The
+        warning about large residuals then does not say that the intervals are too narrow.
     is_as_stated : bool
-        Whether deviations of the inputs within their stated uncertainties explain the residuals.
+        Whether errors of the inputs within their stated uncertainties explain the residuals. There is then no warning
+        about large residuals.
 
     Returns
     -------
@@ -311,7 +314,7 @@ def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tupl
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the ratio of the residuals to the stated noise of the measured points, as the median over all states."""
+    """Return the median over all states of the root mean square residual, divided by the stated noise of the points."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 

@@ -1,13 +1,13 @@
-"""Separate the residuals that a named cause explains from the noise, and compute the intervals of a fit again.
+"""Compute the intervals of a fit again if a probable cause explains most of the residuals, which are then not noise.
 
-A cause is an error of the bench that no file states, such as a rolled camera. Its residuals are similar in all points
-and states. If they counted as correlated noise, the data would have only one or two independent points, and an interval
-could be hundreds of per cent wide. If they counted as noise of independent points, the interval would be narrower than
-the error of the modulus that the cause produces.
+A cause is an error of the test bench that no file states, such as a rolled camera. Its residuals are similar in all
+points and states. If they counted as correlated noise, the data would have only one or two independent points, and an
+interval could be hundreds of per cent wide. If they counted as noise of independent points, the interval would be
+narrower than the error of the modulus that the cause produces.
 
-If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals that remain
-with the most probable causes. The change of the modulus by these causes widens the interval: it counts as the 95 %
-bound of a further normal error. The value of the modulus stays the value of the fit without the causes.
+If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals after a
+correction for the most probable causes. The change of the modulus by these causes widens the interval: it counts as the
+95 % bound of a further normal error. The value of the modulus stays the value of the fit without this correction.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return the result of a fit with intervals that do not count the effect of probable errors of the bench as noise.
+    """Return the result of a fit with intervals in which residuals by probable errors of the bench are not noise.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def estimate_beside(
     optimum : Optimum
         The optimum of the fit.
     effects : sequence of Effect
-        The corrections of the fit by better beam models.
+        The corrections of the fit by better beam models, such as a finer mesh.
     weighed : Weighed
         The possible errors of the test bench with their probabilities.
     before : Estimate
@@ -71,7 +71,8 @@ def estimate_beside(
     Returns
     -------
     Estimate or None
-        The new result, or None if ``before`` stays valid.
+        The new result, or None if ``before`` stays valid, because no error is probable or explains most of the
+        residuals.
     """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
@@ -106,7 +107,7 @@ def estimate_beside(
 def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
     """Return the mean error in mm of a fit after a correction for the most probable errors of the test bench.
 
-    The mean is over the root mean square residuals of the states. None if it is not known.
+    The mean is over the root mean square residuals of the states. The result is None if no correction was computed.
     """
     if weighed.remaining is None:
         return None
@@ -118,7 +119,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval still contains the modulus after each of several changes in per cent."""
+    """Return whether the 95 % interval contains the modulus after each of several shifts of its value in per cent."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 
@@ -126,7 +127,7 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
 def _with_changes(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Add changes in mm, one array for each experiment, to the residuals of a fit and of its optimum; return both."""
+    """Return a fit and its optimum after changes in mm, one array for each experiment, were added to the residuals."""
     experiments = tuple(
         replace(e, change=change if e.change is None else e.change + change)
         for e, change in zip(problem.experiments, changes, strict=True)

@@ -2,10 +2,10 @@
 
 design_of_experiment   the states that give the narrowest interval
 rival_laws             the states that distinguish two laws
-exchange               the choice of the best states by exchange
+exchange               the search for the best set of states, by exchange of one state at a time
 choice_of_law          the comparison of laws by AICc and BIC
 modulus_so_far         an estimate of the modulus during a run
 section_bias           the error of the modulus due to a planar model of a solid beam
 compressibility        the error of the modulus if the material is not incompressible
-sensitivity            the derivatives of the edges in the parameters of a law
+sensitivity            the derivatives of the edges by the parameters of a law
 """

@@ -1,24 +1,28 @@
-"""Compare several hyperelastic laws that were fitted to the same data, by AICc and BIC.
+"""Compare several hyperelastic laws that were fitted to the same data, by the information criteria AICc and BIC.
 
-With N independent points of the edges and normal noise of unknown level, the deviance is
+A fit has N independent points on the edges of the beam. Let E be the root mean square of its residuals. For normal
+noise of unknown level, the deviance is
 
-    -2 log L = 2 N log(error) + constant.
+    -2 log L = 2 N log(E) + constant.
 
 The constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section
-2.2). A tensile curve in the fit adds 2 n log(RMSE) for its n independent rows and its root mean square residual RMSE.
-Each quantity that is stated with an uncertainty adds the square of its deviation in standard uncertainties. A law is
-therefore compared at the optimum at which its parameters and these quantities were fitted together. If the quantities
-were fixed, a wrong width would favour a law that imitates the effect of this width.
+2.2). Each tensile curve in the fit adds 2 n log(RMSE), for n independent rows and the root mean square residual RMSE of
+the curve. Each input with a stated uncertainty, such as the width, and each parameter with a prior adds the square of
+its deviation in standard uncertainties. A law is therefore compared at the optimum at which its parameters and these
+inputs were fitted together. If the inputs were fixed, a wrong width would favour a law that imitates the effect of this
+width.
 
-Let k be the number of unknowns, with one noise level for the edges and one for each curve. M is the sum of N and all n.
-The criteria are
+Let k be the number of unknowns, with one noise level for the edges and one for each curve. Let M be the sum of N and
+all n. The criteria are
 
     AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
 
-(ibid., Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461). For all laws, N and n are the numbers of the law with the smallest
-error of the edges. The residuals of a law that does not fit are correlated because the law is wrong, so that its own
-number of independent points would be too small (ibid., section 2.5). A difference M - k - 1 below 1 is smaller than the
-error of the estimate of M. The law then has no AICc.
+(ibid., Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461).
+
+All laws are compared with the same N and n: those that were estimated in the fit with the smallest error of the edges.
+In a fit with a wrong law, the residuals of neighbouring points are correlated because the law is wrong. An N from this
+fit would be too small (ibid., section 2.5). A law has no AICc if M - k - 1 is below 1, because M is not known so
+exactly.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Estimate the error of a modulus if an incompressible law is fitted to a compressible material.
 
-A fit assumes the bulk modulus K = 10^4 mu for the shear modulus mu, unless K is an unknown of the fit. Poisson's ratio
-is then 0.49995. A material with Poisson's ratio nu < 1/2 has K = 2 mu (1 + nu) / (3 (1 - 2 nu)). The outline of a beam
-with this K is simulated, and an incompressible model is fitted to this outline, as in
-`inference.planning.section_bias`. In plane stress no simulation is needed, because the bending of a slender beam
-depends on Young's modulus E alone. The material has E = 2 mu (1 + nu), and an incompressible law with the modulus
-mu_fit has E = 3 mu_fit. The fit therefore gives mu_fit = 2 mu (1 + nu) / 3, with the relative error
-2 (1 + nu) / 3 - 1.
+A material with the shear modulus mu and Poisson's ratio nu < 1/2 has the bulk modulus K = 2 mu (1 + nu) / (3 (1 - 2
+nu)). A fit assumes K = 10^4 mu, which means nu = 0.49995, unless K is an unknown of the fit. To find the error of the
+fitted mu, the outline of a beam with the true K is simulated, and an incompressible model is fitted to this outline.
+
+In plane stress no simulation is needed, because the bending of a slender beam depends on Young's modulus E alone. The
+material has E = 2 mu (1 + nu), and an incompressible law with the modulus mu_fit has E = 3 mu_fit. The fit therefore
+gives mu_fit = 2 mu (1 + nu) / 3, with the relative error 2 (1 + nu) / 3 - 1.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def bulk_ratio(poisson_ratio: float) -> float:
 
 
 def compressibility_bias(specimen: Specimen, poisson_ratio: float) -> float:
-    """Return the relative error of a modulus if an incompressible law is fitted to a compressible material.
+    """Return the relative error of a shear modulus if an incompressible law is fitted to a compressible material.
 
     Parameters
     ----------

@@ -1,21 +1,22 @@
-"""Choose the states to measure next, so that the interval of a quantity becomes narrow.
+"""Choose the states (loads) to measure next, so that the interval of a modulus or law parameter becomes narrow.
 
-The law of an earlier fit is known. Every state that could be measured is linearised about this law:
+The law is known from an earlier fit. For each state that could be measured, the edges of the beam are simulated with
+this law. Let
 
-    J    the derivative of the edges of the state in the unknowns of the law
-    C    the change of these edges for one standard uncertainty of each uncertain input
-    w    the inverse variance of an independent edge point in 1/mm^2, the same in all states
+    J    be the derivative of these edges by the unknowns of the law,
+    C    the change of these edges by one standard uncertainty of each uncertain input,
+    w    the inverse variance of an independent edge point in 1/mm^2, the same in all states,
+    P    the inverse covariance of the unknowns before the measurement, and
+    t    the 97.5 % quantile of Student's distribution, divided by that of the normal distribution.
 
-Let P be the inverse variance of the unknowns before the measurement, and t the 97.5 % quantile of Student's
-distribution divided by the same quantile of the normal distribution. If some states are chosen, the sums of J'J and J'C
-over the points of these states give
+For some chosen states, the sums of J'J and J'C over their edge points (a prime denotes the transpose) give
 
-    information                          A = w sum J'J,  H = A + P
-    change of the unknowns by the inputs S = inv(H) w sum J'C
-    covariance of the unknowns           inv(H) (t^2 A + P) inv(H) + S S'
+    the information                          A = w sum J'J,  H = A + P
+    the change of the unknowns by the inputs S = inv(H) w sum J'C
+    the covariance of the unknowns           inv(H) (t^2 A + P) inv(H) + S S'
 
 `inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
-`inference.planning.exchange` chooses the states for which the variance of the quantity is smallest.
+`inference.planning.exchange` chooses the states for which the variance of the modulus or parameter is smallest.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class KnownLaw:
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """The noise of the measured edges, for the planning of a run.
+    """The errors that are expected in a planned run: the noise of the measured edges, and the error of the beam model.
 
     Attributes
     ----------
@@ -92,7 +93,8 @@ class EdgeNoise:
     alike : float
         Number of neighbouring edge points that count as one independent point.
     left_percent : float
-        95 % bound of the remaining error of the modulus due to the beam model of a solid section, in per cent.
+        For a solid section: 95 % bound of the error of the modulus, in per cent, because the beam model is not exact. 0
+        for a planar section.
     """
 
     residual_mm: float
@@ -102,7 +104,7 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the noise of the edges for a planned run, from an earlier fit.
+        """Return the errors that are expected in a planned run, from the result of an earlier fit.
 
         Parameters
         ----------
@@ -111,7 +113,8 @@ class EdgeNoise:
         states : int
             Number of states of the earlier fit.
         left_percent : float
-            95 % bound of the remaining error of the modulus due to the beam model of a solid section, in per cent.
+            For a solid section: 95 % bound of the error of the modulus, in per cent, because the beam model is not
+            exact.
         """
         # All residuals count as noise if the earlier fit did not separate noise from errors of uncertain inputs.
         independent = earlier.noise_points or earlier.independent_points
@@ -125,16 +128,16 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """S load states that could be measured, with what each would tell about n unknowns of the law.
+    """The S load states from which a plan chooses, with what the edges of each state tell about n unknowns of the law.
 
-    The goal is the quantity to be determined: the initial shear modulus or a parameter of the law.
+    The plan is made for a goal: the initial shear modulus or a parameter of the law.
 
     Attributes
     ----------
     loads : Loads
         The loads of the S states.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads that were considered.
+        Index of each state among all loads of the plan. Loads without an equilibrium are left out.
     normal : ndarray, shape (S, n, n)
         Hessian of minus the log-likelihood of the edges of each state.
     source_score : ndarray, shape (S, n, c)
@@ -142,9 +145,9 @@ class Candidates:
     sources : tuple of str
         Names of the c uncertain inputs.
     prior : ndarray, shape (n, n)
-        Inverse variance of the unknowns before the measurement.
+        Inverse covariance of the unknowns before the measurement.
     goal : ndarray, shape (n,)
-        Derivative of the goal in the unknowns, divided by the value of the goal.
+        Derivative of the goal by the unknowns, divided by the value of the goal.
     points : float
         Number of independent edge points in a state.
     irreducible : float
@@ -178,19 +181,25 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the 95 % interval of the goal (modulus or law parameter), in per cent."""
+        """Return the half-width of the 95 % interval of the goal (modulus or law parameter), in per cent.
+
+        ``choice`` has the indices of the states to measure.
+        """
         return 100 * NORMAL_95 * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
         """Return the standard deviation of the goal (modulus or law parameter) by each uncertain input, in per cent.
 
-        The largest effect comes first.
+        The largest effect comes first. ``choice`` has the indices of the states to measure.
         """
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal (modulus or law parameter) by one standard uncertainty of each input, in %."""
+        """Return the change of the goal (modulus or law parameter) by one standard uncertainty of each input, in %.
+
+        ``choice`` has the indices of the states to measure.
+        """
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
@@ -201,9 +210,10 @@ class Candidates:
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of the half-width of the 95 % interval, in per cent, for any ``states`` states.
+        """Return a lower bound of the half-width of the 95 % interval in per cent, for all choices of states.
 
-        A choice of states near this bound can hardly be improved.
+        The interval is that of the goal (modulus or law parameter), and ``states`` is the number of chosen states. A
+        choice whose interval is near this bound can hardly be improved.
 
         Raises
         ------
@@ -256,7 +266,8 @@ def candidates(
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements along the beam in the later fit, for the error of its mesh.
+        Number of elements in the length of the beam in the fit after the run. The error of this mesh is one of the
+        uncertain inputs.
 
     Returns
     -------
@@ -330,7 +341,11 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return a dictionary with the standard deviation of the mesh error of the edges in mm, shape (K, 2, m)."""
+    """Return the standard deviation of the edges in mm due to the mesh of a fit, (K, 2, m), as a dictionary.
+
+    There are m points on each of 2 edges in K states. ``along`` is the number of elements in the length of the beam.
+    The only key is the name of this error. The dictionary is empty if the error cannot be computed.
+    """
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -349,7 +364,7 @@ def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivatives of the goal (modulus or law parameter) in n unknowns, divided by its value, (n,).
+    """Return the derivatives of the goal (modulus or law parameter) by n unknowns, divided by its value, (n,).
 
     KeyError is raised for an unknown name of a parameter.
     """

@@ -1,10 +1,10 @@
-"""Choose the states for which a criterion, such as the variance of the modulus, is smallest.
+"""Choose the states (loads) to measure for which a criterion, such as the variance of the modulus, is smallest.
 
-The states that could be measured are the candidates. One chosen candidate at a time is exchanged for the candidate that
-lowers the criterion most. The method ends if no exchange lowers the criterion (Fedorov 1972, Theory of Optimal
-Experiments, section 3.3; Atkinson and Donev 1992, Optimum Experimental Designs, section 15.4). The exchange starts from
-two choices of states. The states of the first choice are equally spaced. The second choice is built state by state,
-each time with the candidate that lowers the criterion most.
+One chosen state at a time is exchanged for the state that lowers the criterion most. The method ends if no exchange
+lowers the criterion (Fedorov 1972, Theory of Optimal Experiments, section 3.3; Atkinson and Donev 1992, Optimum
+Experimental Designs, section 15.4). It starts from two choices of states, and the better result is taken. The states of
+the first choice are equally spaced. The second choice is built state by state, each time with the state that lowers the
+criterion most.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _GAIN = 1e-6  # smallest relative gain of the criterion for which a state is exc
 
 
 class Criterion(Protocol):
-    """The states that could be measured, and a number that is small for a good choice of states."""
+    """The states that could be measured, and a function that is small for a good choice of states."""
 
     def __len__(self) -> int:
         """Return the number of states that could be measured."""
@@ -35,7 +35,7 @@ class Criterion(Protocol):
 
 
 def equally_spaced(states: int, count: int) -> Choice:
-    """Return the indices of ``count`` states at equal distances, from the first to the last of ``states`` states."""
+    """Return ``count`` indices at equal distances, from the first to the last of ``states`` states."""
     return np.unique(np.round(np.linspace(0, states - 1, count)).astype(int))
 
 
@@ -45,7 +45,7 @@ def exchange(criterion: Criterion, count: int) -> Choice:
     Parameters
     ----------
     criterion : Criterion
-        The states that could be measured, with the value to be minimised.
+        The states that could be measured, with the function to be minimised.
     count : int
         Number of states to choose.
 
@@ -77,7 +77,7 @@ def _filled(criterion: Criterion, count: int) -> Choice:
 
 
 def _exchanged(criterion: Criterion, choice: Choice) -> Choice:
-    """Return a choice of states improved by exchanges of single states."""
+    """Return a choice of states in which single states are exchanged until no exchange lowers the criterion."""
     best = float(criterion.variance(choice[None])[0])
     for _ in range(_SWEEPS):
         before = best

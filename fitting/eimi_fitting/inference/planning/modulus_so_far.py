@@ -1,22 +1,21 @@
-"""Estimate the modulus during a run, quickly enough to repeat the estimate after every state.
+"""Estimate the shear modulus during a run, quickly enough to repeat the estimate after every state (load).
 
-The law is Neo-Hookean. For a solid section, the residuals of the planar model are corrected by the three-dimensional
-model, as in a whole fit (`inference.evidence.corrections`). The depth effect is the displacements of the
-three-dimensional model minus the displacements of the planar model. The depth effect is a smooth function of the
-bending and hardly depends on the modulus (`beam.depth_effect`). Later estimates therefore use the depth effect again.
-The three-dimensional model is solved only in a state with more bending than all states before. A fit that starts at the
-estimate after the previous state needs only a few steps. The complete fit follows after the run.
+The law is Neo-Hookean. A complete fit follows after the run.
 
-The correction leaves an error of the modulus. It is assumed to be 5 % of the bias, but at least 0.15 % of the modulus.
-The bias is the relative error of a modulus that is fitted with the planar model alone
-(`inference.planning.section_bias`). If the depth effect cannot be interpolated, the residuals are not corrected, and
-the modulus from the planar model is divided by 1 + bias.
+Solid sections. The residuals of a planar beam model are corrected by the difference between the displacements of a
+three-dimensional model and those of the planar model (the depth effect, `beam.depth_effect`). The depth effect is a
+smooth function of the bending and hardly depends on the modulus. It is therefore kept for the estimates after later
+states, and the three-dimensional model is only solved again for a state with more bending than all states before. An
+error of the modulus remains after the correction. It is assumed to be 5 % of the bias, but at least 0.15 % of the
+modulus, where the bias is the relative error of a fit with the planar model alone (`inference.planning.section_bias`).
+If the depth effect cannot be interpolated, the modulus is fitted with the planar model and divided by 1 + bias.
 
-A further state can make the interval wider, because some stated uncertainties have a larger effect on the modulus if
-the beam bends more. The estimate before this state is then kept, with its narrower interval, under two conditions: the
-residuals of all states, counted as noise, would widen its interval by at most 5 %, and its interval contains the
-estimate from all states. The choice of the narrower interval does not reduce its probability of 95 %, because the width
-of an interval depends on the loads and hardly on the measured edges.
+Wider intervals. A new state can make the interval wider, because some stated uncertainties have a larger effect on the
+modulus if the beam bends more. If it is more than 5 % wider than the narrowest interval so far, the estimate from
+before the new state is kept under two conditions. First, the interval of this estimate contains the new estimate.
+Second, it grows by at most 5 % if the noise in it is as large as in the new estimate. An interval that is selected
+because it is narrow contains the true modulus with 95 % all the same, because its width depends on the loads and hardly
+on the measured edges.
 """
 
 from __future__ import annotations
@@ -92,7 +91,8 @@ class ModulusSoFar:
     noise_Pa : float
         Width of the 95 % interval in Pa from noise and mesh error alone.
     depth : object, optional
-        Displacements of a three-dimensional beam model minus those of a planar model. None unless the section is solid.
+        Displacements of a three-dimensional beam model minus those of a planar model, for the estimate after the next
+        state. None for a planar section, and if the difference cannot be interpolated.
     """
 
     value_Pa: float
@@ -132,7 +132,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
     NothingActs
         If no load bends the beam.
     NothingConverged
-        If no candidate modulus has an equilibrium.
+        If the beam has no equilibrium for any modulus that the search tries.
     """
     now = _estimated(experiment, before)
     if before is None:
@@ -149,7 +149,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate of the modulus from all states measured so far."""
+    """Return the estimate of the modulus from all states measured so far; ``before`` is the start of the search."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())

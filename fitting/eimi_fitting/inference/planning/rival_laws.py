@@ -1,9 +1,9 @@
-"""Choose the states to measure next, so that they distinguish two laws.
+"""Choose the states (loads) to measure next, so that they distinguish two laws.
 
-The first law is assumed to be true. The second law (the rival) is fitted to the edges of the first law. Its residuals
-show how well a measurement could distinguish the two laws. The criterion is the sum of the squared residuals, in units
-of the noise. It is the expected difference in AIC between the two laws, and is also called the noncentrality
-(T-optimality: Atkinson and Fedorov 1975, Biometrika 62:57).
+The first law is assumed to be true. The second law (the rival) is fitted to the edges that are simulated with the first
+law. Its residuals show how well a measurement could distinguish the two laws. The criterion is the sum of the squared
+residuals, in units of the noise variance. It is the expected difference in AIC between the two laws, and is also called
+the noncentrality (T-optimality: Atkinson and Fedorov 1975, Biometrika 62:57).
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rivals:
-    """S load states that could show which of two laws is true.
+    """The S load states that could be measured to decide which of two laws is true.
 
-    The second law (the rival) is fitted to the edges of the first law with m quantities: its unknowns and the uncertain
-    inputs.
+    The second law (the rival) is fitted to the simulated edges of the first law. The fit has m unknowns: those of the
+    second law and the uncertain inputs.
 
     Attributes
     ----------
     loads : Loads
         The loads of the S states.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads that were considered.
+        Index of each state among all loads of the plan. Loads without an equilibrium are left out.
     square : ndarray, shape (S,)
         Sum of the squared residuals of the second law before the fit, in units of the noise variance.
     score : ndarray, shape (S, m)
-        Gradient of half of ``square`` in the m quantities.
+        Gradient of half of ``square`` in the m unknowns.
     normal : ndarray, shape (S, m, m)
-        Hessian of half of ``square`` for linear residuals.
+        Hessian of half of ``square`` in the m unknowns, for linear residuals.
     prior : ndarray, shape (m, m)
-        Inverse variance of the m quantities before the measurement.
+        Inverse covariance of the m unknowns before the measurement.
     """
 
     loads: Loads

@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Simulated edges of the beam and their derivatives, for P laws with n parameters in K load states.
+    """Simulated edges of the beam and their derivatives, for P sets of n parameters of a law, in K load states.
 
     Attributes
     ----------
     edges : ndarray, shape (P, K, 2, m, 2)
         Positions of m points on the left edge and m points on the right edge, in mm. The last axis has x and y.
     slope : ndarray, shape (P, n, K, 2, m, 2)
-        Derivatives of ``edges`` in the n parameters, in mm per unit of the parameter.
+        Derivatives of ``edges`` by the n parameters, in mm per unit of the parameter.
     converged : ndarray of bool, shape (P,)
-        Whether the beam has an equilibrium for the law and for the 2 n nearby laws of the central differences.
-        Otherwise its edges and derivatives are invalid.
+        Whether the beam has an equilibrium for the set of parameters and for the 2 n nearby sets of the central
+        differences. Otherwise the edges and derivatives of this set are invalid.
     """
 
     edges: Array
@@ -38,7 +38,7 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the simulated edges of the beam for P laws, and the derivatives of the edges in the parameters.
+    """Return the simulated edges of the beam for P sets of parameters of a law, and their derivatives.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def edge_sensitivity(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of P laws, in the order and units of the law.
+        P sets of the n parameters, in the order and units of the law.
     loads : Loads
         The loads of K states.
     relative_step : float
@@ -58,11 +58,12 @@ def edge_sensitivity(
     Returns
     -------
     Sensitivity
-        Edges in mm, and derivatives in mm per unit of each parameter.
+        Edges in mm, and their derivatives by the parameters in mm per unit of each parameter.
 
     Examples
     --------
-    A horizontal strip bends downward under its weight. A stiffer strip bends less, so that the slope is negative.
+    A horizontal strip bends downward under its weight, toward positive y. A stiffer strip bends less: the derivative of
+    the y of the tip by the modulus is negative.
 
     >>> from eimi_fitting import LAWS, BeamModel, Loads, Specimen, edge_sensitivity
     >>> strip = Specimen(
