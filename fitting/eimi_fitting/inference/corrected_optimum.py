@@ -1,9 +1,12 @@
-"""Compute the optimum of a fit of a hyperelastic law from the best candidate of the search.
+"""Compute the optimum of a fit of a hyperelastic law, starting from the result of the global search.
 
-A candidate is a set of values of the unknowns. The steps are: improve the candidate by Gauss-Newton
-(`inference.searching.polish`), correct the residuals by better beam models (`inference.evidence.corrections`), and
-compute the intervals (`inference.interval`). The weight of tensile curves and priors depends on the noise of the edges.
-Gauss-Newton is therefore repeated if the estimate of the noise has changed.
+1. Gauss-Newton improves the values of the unknowns (`inference.searching.polish`).
+2. The residuals are corrected by beam models that are more accurate than the model of the search: three-dimensional
+   models, or planar models with finer meshes (`inference.evidence.corrections`). Gauss-Newton is then repeated.
+3. The intervals are computed (`inference.interval`).
+
+The weight of tensile curves and priors depends on the noise of the measured edges, which is estimated at the optimum.
+Gauss-Newton is therefore also repeated if this estimate has changed.
 """
 
 from __future__ import annotations
@@ -50,24 +53,25 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The result of a fit, with corrections by better beam models and with intervals.
+    """The optimum of a fit, corrected by more accurate beam models, and the intervals of the unknowns.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements, with residuals corrected by better beam models.
+        The law, the unknowns and the measurements, with the corrections of the residuals.
     optimum : Optimum
-        The best values of the unknowns.
+        The values of the unknowns at the optimum.
     effects : tuple of Effect
-        Change of the best values by each correction.
+        For each correction, how it changed the values at the optimum.
     max_stretch : float
-        Largest stretch of the beam at the best values, computed with planar models.
+        Largest stretch of the beam at the optimum, computed with planar models.
     polish : Polish
-        Improvement of the result of the search by the first run of Gauss-Newton.
+        The first run of Gauss-Newton: its steps, and the objective before and after it.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        How far each prior on a parameter is from the value that all other data give, in standard deviations.
+        For each prior on a parameter, the difference between the value that all other data give and the mean of the
+        prior, in standard deviations.
     not_considered : tuple of str
         One sentence for each uncertain input whose effect the intervals do not contain.
     """
@@ -83,21 +87,21 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute the best values of the unknowns of a fit and their intervals, from values near the best.
+    """Compute the optimum of a fit and the intervals of its unknowns, starting from the result of the global search.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Start values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     seed : int
         Seed of the random draws for the intervals.
 
     Returns
     -------
     SearchEnd
-        The best values with their intervals.
+        The optimum with the intervals.
     """
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
@@ -126,7 +130,10 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return values of the unknowns near ``unit`` for which the beam has a stable equilibrium, else ``unit``."""
+    """Return values of the n unknowns, (n,), near ``unit`` for which the beam has a stable equilibrium.
+
+    If no such values are found, the result is ``unit``.
+    """
     # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
     # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)
@@ -141,7 +148,11 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit by Gauss-Newton, from the values ``unit`` (n,) of the n unknowns."""
+    """Return the optimum of a fit by Gauss-Newton, starting from the values ``unit`` of the n unknowns, (n,).
+
+    start: an evaluation at ``unit``, if it is known. enough: the run ends when a step lowers the objective by less than
+    this fraction.
+    """
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
     # The weight of curves and priors depends on the number of independent points, which follows from the residuals at
@@ -162,13 +173,13 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the residuals of a coarse mesh by two successively finer meshes, and fit again.
+    """Correct the residuals of a fit with a coarse mesh by two successively finer meshes, and fit again after each.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, the change of the optimum by the finest mesh (empty without an equilibrium),
-        and the largest stretch of the beam, (1,).
+        The corrected fit, its optimum, the change of the optimum by the finest mesh, and the largest stretch of the
+        beam, (1,). The tuple of changes is empty if the beam has no equilibrium on a finer mesh.
     """
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     if plain.unconverged[0]:
@@ -186,7 +197,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Correct the residuals of a fit by those of a better beam model, and return the fit and its new optimum."""
+    """Replace the residuals of a fit by those of a more accurate beam model; return the changed fit and its optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -194,12 +205,15 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals by three-dimensional models of solid sections and by finer meshes of the other sections.
+    """Correct the residuals by three-dimensional models of the beam, and fit again.
+
+    Beams in plane stress or plane strain need no three-dimensional model; their residuals are corrected by a finer
+    mesh.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, and the change of the optimum by each correction.
+        The corrected fit, its optimum, and the change of the optimum by each correction.
     """
     # The solid comes first. The optimum of the planar model alone compensates for the depth by a wrong law, and the
     # finer mesh may find no equilibrium for such a law.
@@ -214,12 +228,13 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals of the planar model by a three-dimensional model, in up to three passes.
+    """Correct the residuals of the planar model by a three-dimensional model, and fit again, up to three times.
 
     Returns
     -------
     tuple
-        The corrected problem, its optimum, and a list with the change of the optimum; empty without an equilibrium.
+        The corrected fit, its optimum, and a list with the change of the optimum. The list is empty if the
+        three-dimensional model has no equilibrium.
     """
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
@@ -246,7 +261,10 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return a fit with corrected residuals, and its new optimum."""
+    """Fit again with the corrected residuals of ``changed``, and return ``changed`` and its optimum.
+
+    now, optimum: the fit without this correction, and its optimum.
+    """
     start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -266,7 +284,7 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Simulate one set of values of the unknowns, and compare it with the measurements."""
+    """Simulate the beam for one set of values of the n unknowns, (n,), and compare it with the measurements."""
     # Other rounding errors, as in a simulation of several sets, would disturb the small differences between two beam
     # models.
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

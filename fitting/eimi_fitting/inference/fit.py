@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 class IdentifiedLaw(Estimate):
     """An identified hyperelastic law with intervals, errors and warnings, as stored in a result file.
 
-    It also has the parameters of `Estimate`: the identified parameters with their intervals.
+    It also has the fields of `Estimate`: the identified parameters with their intervals.
 
     Parameters
     ----------
@@ -37,13 +37,14 @@ class IdentifiedLaw(Estimate):
     doubts : tuple of Doubt
         Reasons to distrust the result.
     causes : tuple of Cause
-        Possible causes of the residuals, the most probable first; empty in result files of earlier releases.
+        Possible causes of the residuals, such as an error of the width, the most probable first; empty in result files
+        of earlier releases.
     evaluations, discarded, stop, runs, history
         History of the search, see `SearchResult`.
     generations : int
         Number of generations of the search.
     polish : Polish
-        Improvement of the result of the search by the first run of Gauss-Newton.
+        The first run of Gauss-Newton after the search: its steps, and the objective before and after it.
     seed : int
         Seed of the search and of the random draws for the intervals.
     wall_s : float
@@ -69,9 +70,9 @@ class IdentifiedLaw(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
-    """An identified hyperelastic law with the residuals at the optimum, for K states.
+    """An identified hyperelastic law, with the residuals at the optimum for K measured states of load.
 
-    It also has the parameters of `IdentifiedLaw` and `Estimate`.
+    It also has the fields of `IdentifiedLaw` and `Estimate`.
 
     Parameters
     ----------
@@ -88,7 +89,8 @@ class Fit(IdentifiedLaw):
     curve_rmse_Pa : tuple of float
         Root mean square residual of each tensile curve, in Pa.
     prior_distances : tuple of float
-        How far each prior on a parameter is from the value that all other data give, in standard deviations.
+        For each prior on a parameter, the difference between the value that all other data give and the mean of the
+        prior, in standard deviations.
     stable_to : float or None
         Largest stretch up to which the law is stable; None if the law is stable up to ``stability_checked_to``.
     stability_checked_to : float

@@ -1,12 +1,12 @@
-"""Identify the parameters of a hyperelastic law, for which the simulated edges lie closest to the measured edges.
+"""Identify the parameters of a hyperelastic law for which simulated edges of a beam lie closest to measured edges.
 
 The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
 1. CMA-ES searches on a coarse mesh (`inference.searching`).
-2. Gauss-Newton improves the best candidate (`inference.searching.polish`).
-3. The residuals are corrected by better beam models, and Gauss-Newton is repeated
+2. Gauss-Newton improves the result of the search (`inference.searching.polish`).
+3. The residuals are corrected by more accurate beam models, and Gauss-Newton is repeated
    (`inference.corrected_optimum`).
-4. The intervals are computed from the evidence at the optimum (`inference.interval`).
+4. The intervals are computed from the residuals and their derivatives at the optimum (`inference.interval`).
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def identify(
         Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
         seed.
     possible_causes : sequence of PossibleCause
-        Possible errors of the bench that are compared with the residuals. If it is empty, the fit names no cause, and
-        takes half of the time or less.
+        Possible errors of the experiment, such as an inclined camera, that are compared with the residuals. If the
+        sequence is empty, the fit reports no cause of the residuals, and takes half of the time or less.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def identify(
     NothingActs
         If no load bends the specimen in any state.
     NothingConverged
-        If no candidate law could be simulated.
+        If the beam could not be simulated with any values of the parameters.
     NotExplained
         If the simulated edges of a state are far from the measured edges.
     NotDetermined
@@ -127,8 +127,8 @@ def identify(
     OtherSearch
         If ``replay`` contains the objectives of another search.
     ValueError
-        For a free bulk modulus if a section is not in plane strain, for a nuisance without a stated uncertainty, and
-        for a prior on a parameter that the law does not have.
+        If the bulk modulus is free and a section is not in plane strain, if an input in ``free`` has no standard
+        uncertainty, or if the law does not have the parameter of a prior.
     KeyError
         For an unknown law.
 
@@ -260,7 +260,7 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Search for the best values on a coarse mesh; raise NothingConverged if nothing could be simulated."""
+    """Search for the optimum on a coarse mesh; raise NothingConverged if no parameters give a beam in equilibrium."""
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,

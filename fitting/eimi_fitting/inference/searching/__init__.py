@@ -3,7 +3,7 @@
 modulus_range        the range of moduli that the data allow
 named_causes         mistakes in the loads that explain why no material fits
 measured_rest_shape  the stress-free shape of the specimen, from its states without load
-search               CMA-ES in the unit cube
+search               the global search, by CMA-ES
 _cma                 import of the package cma without its plotting parts
-polish               Gauss-Newton from the best candidate
+polish               the local improvement, by Gauss-Newton
 """

@@ -19,13 +19,19 @@ _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Make Python report matplotlib and scipy.stats as missing, in the thread that created this object."""
+    """Hide matplotlib and scipy.stats from the import of cma, which is then faster because it loads neither package.
+
+    Only the thread that created this object cannot import the two packages.
+    """
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for a hidden package, so that its import fails; return None in all other cases."""
+        """Raise ModuleNotFoundError for matplotlib and scipy.stats, so that cma is imported without them.
+
+        For every other package, return None, and Python imports it as usual.
+        """
         if name in _UNUSED and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
 

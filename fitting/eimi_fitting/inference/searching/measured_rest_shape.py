@@ -1,11 +1,13 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
 The edges of these states show the stress-free shape, bent by the weight of the beam. The stress-free shape is described
-by the stated shape plus a few smooth deviations (modes). The sizes of the modes are fitted so that the simulated edges
-agree with the measured edges. A small rotation and a small shift of the picture are fitted too.
+by the shape in the specimen file, plus a few smooth deviations (modes), each multiplied by an amplitude in mm. The
+amplitudes are fitted so that the simulated edges agree with the measured edges. A small rotation and a small shift of
+the picture are fitted too.
 
-A mode is accepted if its size exceeds three standard deviations and a least size. The least size is 0.005 mm for a bend
-and 0.003 mm for a change of width. Modes of these sizes change the modulus by about 0.05 % and 0.2 %.
+A mode is used if its amplitude exceeds three standard deviations and a smallest amplitude: 0.005 mm for a mode that
+bends the beam, and 0.003 mm for a mode that changes its width. Modes with these amplitudes change the identified
+modulus by about 0.05 % and 0.2 %.
 """
 
 from __future__ import annotations
@@ -60,11 +62,11 @@ class MeasuredRestShape:
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Sizes in mm of smooth deviations from the stated shape: of the middle line (``bends_mm``) and of the width
-        (``widths_mm``). Zero for a deviation that is not significant.
+        Amplitudes in mm of smooth deviations from the shape in the specimen file: of the middle line (``bends_mm``) and
+        of the width (``widths_mm``). Zero for a deviation that is not significant.
     bend_sigma_mm, width_sigma_mm : float
-        Largest standard uncertainty in mm of the significant deviations of the middle line (``bend_sigma_mm``) and of
-        the width (``width_sigma_mm``). Zero if there are none.
+        Largest standard uncertainty in mm of the significant amplitudes in ``bends_mm`` and in ``widths_mm``. Zero if
+        no amplitude is significant.
     """
 
     specimen: Specimen
@@ -79,7 +81,7 @@ class MeasuredRestShape:
         Parameters
         ----------
         experiment : Experiment
-            The experiment with the stated specimen.
+            The experiment with the shape of the specimen file.
         of : str
             Name of the measurement of the shape. Datasets with the same name share one error of the shape.
 
@@ -101,7 +103,7 @@ class MeasuredRestShape:
 
     @property
     def in_words(self) -> str:
-        """The significant deviations from the stated rest shape as text, such as "bent by up to 0.9 mm"."""
+        """The significant deviations from the shape in the specimen file as text, such as "bent by up to 0.9 mm"."""
         words = []
         if any(self.bends_mm):
             along = np.linspace(0, 1, 51)
@@ -118,12 +120,12 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     Parameters
     ----------
     experiment : Experiment
-        The measured edges under several loads, and the stated shape.
+        The measured edges under several loads, and the shape in the specimen file.
 
     Returns
     -------
     MeasuredRestShape or None
-        The measured shape. None if it cannot be measured or does not differ significantly from the stated shape.
+        The measured shape. None if it cannot be measured or does not differ significantly from the shape in the file.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
@@ -168,17 +170,17 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the significant deviations of the measured shape from the stated shape of the beam.
+    """Return the indices of the smooth deviations whose amplitudes differ significantly from zero.
 
-    ``amplitudes`` has the sizes of all deviations in mm, and ``sigma`` their standard deviations.
+    amplitudes: the amplitudes of all deviations in mm; sigma: their standard deviations in mm.
     """
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
 def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
-    """Return the indices of the states without load: field and tip force are at most 2 % of their largest values.
+    """Return the indices of the states in which magnetic field and tip force are at most 2 % of their largest values.
 
-    The result is empty if a pressure acts in any state.
+    The stress-free shape is measured in these states. The result is empty if a pressure acts in any state.
     """
     loads = experiment.loads
     if np.any(np.asarray(loads.pressure_Pa)):
@@ -188,15 +190,15 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with smooth deviations, of the sizes ``amplitudes`` in mm, added to the shape at rest."""
+    """Return the experiment with smooth deviations of given amplitudes (mm) added to the stress-free shape."""
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the residuals in mm of the edge points for several rotations and shifts of the picture (``setups``).
+    """Return the distances (mm) of measured points from simulated edges, one array for each position of the picture.
 
-    The result is None without an equilibrium.
+    setups: assumed rotations and shifts of the picture. The result is None if the beam has no equilibrium.
     """
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
@@ -209,9 +211,10 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the deviations of the stress-free shape from the stated shape to the edges of the beam without load.
+    """Fit the smooth deviations from the shape in the specimen file to the measured edges of the beam without load.
 
-    The results are the sizes of the smooth deviations in mm and their standard uncertainties, or None if no shape fits.
+    used: indices of the deviations that are fitted. The results are all amplitudes in mm and their standard
+    uncertainties, or None if no shape fits.
     """
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
@@ -252,14 +255,17 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the shear modulus in Pa for which the simulated edges are closest to the measured ones, by a wide scan."""
+    """Return the shear modulus in Pa for which simulated edges are closest to measured edges.
+
+    The moduli reach from those of gels to those of metals.
+    """
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
 
 
 def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
-    """Return the shear modulus in Pa near ``near_Pa`` for which the simulated edges are closest to measured ones."""
+    """Return the shear modulus in Pa near ``near_Pa`` for which simulated edges are closest to measured edges."""
     trial = near_Pa * np.exp(np.linspace(-0.2, 0.2, 5))
     errors = _errors_mm(bent, trial)
     if errors.max() >= DISCARDED_MM:
@@ -270,9 +276,9 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return the root mean square distance in mm of measured points from simulated edges for S shear moduli, (S,).
+    """Return the root mean square distance of measured points from simulated edges for S shear moduli, (S,) in mm.
 
-    The distance is a very large number for a modulus without an equilibrium.
+    The result is a very large number for a modulus with which the beam has no equilibrium.
     """
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))

@@ -1,11 +1,12 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-The largest displacement u of a stiff beam of length L is proportional to the loads divided by the shear modulus mu. The
-number c = mu u / L in Pa is therefore constant for given loads. One simulation of a stiff beam gives c. At mu = c / 3 a
-linear beam would bend by three times its length. At mu = c / 1e-7 the displacement would be too small to be measured.
-The objective (the number that the fit minimises) is evaluated at moduli between these two limits. The search covers at
-least three decades, and all moduli whose objectives are within 2 % of the smallest objective. Tensile curves are not
-used here, because a curve in a wrong unit would give a range without the modulus of the beam.
+The largest displacement u of a stiff beam of length L is proportional to the loads divided by the shear modulus mu. For
+given loads, c = mu u / L is therefore a constant in Pa. One simulation of a stiff beam gives c. At mu = c / 3 a linear
+beam would bend by three times its length. At mu = c / 1e-7 the displacement would be too small to be measured. The
+objective (the error in mm that the fit minimises) is computed for moduli between these two limits. The range that is
+then searched contains all moduli whose objective is within 2 % of the smallest objective, and covers at least a factor
+of 1000. Tensile curves are not used here, because a curve in a wrong unit would give a range without the modulus of the
+beam.
 """
 
 from __future__ import annotations
@@ -32,16 +33,16 @@ _FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, a
 
 
 class NothingConverged(Exception):
-    """The exception if no candidate law can be simulated: loads, geometry or measurements contradict each other."""
+    """The beam could not be simulated with any law: loads, geometry or measurements contradict each other."""
 
 
 class NothingActs(Exception):
-    """The exception if no load bends the specimen in any state, so that the modulus has no effect."""
+    """No load bends the specimen in any state, so that the modulus has no effect on the edges."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The objectives (numbers in mm that a fit minimises) for S different shear moduli.
+    """The objective of a fit (the error in mm that the fit minimises) for each of S shear moduli.
 
     Parameters
     ----------
@@ -56,21 +57,21 @@ class Scan:
 
     @property
     def best_mm(self) -> float:
-        """The smallest error (objective of the fit) of all moduli of the scan, in mm."""
+        """The smallest objective in mm of all moduli."""
         return float(self.objective_mm.min())
 
     @property
     def best_Pa(self) -> float:
-        """The modulus of the scan with the smallest error (objective of the fit), in Pa."""
+        """The modulus in Pa with the smallest objective."""
         return float(self.moduli_Pa[np.argmin(self.objective_mm)])
 
     @property
     def unmoved_mm(self) -> float:
-        """The error in mm with the largest modulus of the scan, at which the simulated beam hardly bends."""
+        """The objective in mm for the largest modulus, with which the simulated beam hardly bends."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
-        """Return the bounds of the modulus for the search, smallest and largest, in Pa."""
+        """Return the lower and the upper bound of the modulus for the search, in Pa."""
         if self.best_mm >= DISCARDED_MM:  # no candidate is valid; the search reports it
             return float(self.moduli_Pa[0]), float(self.moduli_Pa[-1])
         good = np.log10(self.moduli_Pa[self.objective_mm <= (1 + _AS_GOOD) * self.best_mm])
@@ -80,14 +81,14 @@ class Scan:
 
 
 def scanned(problem: Problem, independent_points: float) -> Scan:
-    """Evaluate the objective of a fit at moduli from very soft to very stiff, with two moduli for each decade.
+    """Compute the objective (error in mm) of a fit for moduli from very soft to very stiff, two for each factor of 10.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     independent_points : float
-        Number of independent edge points.
+        Number of edge points with independent errors.
 
     Returns
     -------
@@ -108,7 +109,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with 18 more moduli near the modulus with the smallest objective."""
+    """Return the scan with the objectives of 18 more moduli, near the modulus with the smallest objective so far."""
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -119,7 +120,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the fit (problem) with new bounds of the modulus: ``bounds_Pa``, lower and upper bound in Pa."""
+    """Return the fit ``problem`` with new bounds of the modulus: ``bounds_Pa``, the lower and the upper bound in Pa."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -127,13 +128,16 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Compare beams of S moduli (Pa) with the data; the law's other parameters are in the middle of their range."""
+    """Compare simulated beams with the data for S shear moduli in Pa, (S,).
+
+    The other parameters of the law have the values in the middle of their ranges.
+    """
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return unknowns of the fit with bounds that contain all given moduli, and their values for each modulus."""
+    """Return the unknowns of the fit with bounds that contain all moduli, and their values for each modulus."""
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -142,9 +146,9 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return, for a stiff beam, its shear modulus in Pa times its largest displacement divided by its length.
+    """Return the product of shear modulus (Pa) and largest displacement of a stiff beam, divided by the beam's length.
 
-    This number is the same for all stiff beams under the same loads.
+    This number is the same for all stiff beams of the same shape under the same loads.
     """
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:

@@ -1,13 +1,13 @@
-"""Name a mistake in the stated loads, such as a reversed field, if no modulus explains the measurement.
+"""Name a mistake in the loads of a file, such as a reversed field, if no modulus explains the measurement.
 
-The check runs before the search and uses scans. A scan computes the error of the edges for many moduli, and the
-smallest error counts. It is divided by the error of an unbent beam; a wrong load gives a large ratio.
+The check runs before the search. For many moduli it computes the distance of simulated from measured edges, and takes
+the smallest distance. A wrong load gives a large ratio of this distance to the distance for an unbent beam.
 
-1. If the ratio of all datasets together is at most 0.04, the check ends.
-2. Otherwise each dataset is scanned alone. If its ratio exceeds 0.04, the scan is repeated with corrected loads, once
-   for each usual mistake, such as a reversed field or a current in milliampere.
-3. A mistake is named if its correction reduces the error to less than 0.4 of the error with the stated loads. If the
-   ratio with the stated loads exceeds 0.2, the fit is refused. Otherwise the result of the fit has a warning.
+1. If the ratio for all datasets together is at most 0.04, the check ends.
+2. Otherwise the ratio is computed for each dataset alone. If it exceeds 0.04, the computation is repeated with
+   corrected loads, once for each usual mistake, such as a reversed field or a current in milliampere.
+3. A mistake is named if the corrected loads reduce the smallest distance to less than 0.4 of its value. If the ratio
+   without the correction exceeds 0.2, no law is fitted. Otherwise the result of the fit has a warning.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Slip = Literal[
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the stated loads, such as a reversed field, that is recognised before the fit.
+    """A mistake in the loads of a file, such as a reversed field, that is recognised before the fit.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Cause:
     words : str
         Name of the mistake for people.
     loads : callable
-        Function that takes the stated loads and returns the loads without the mistake.
+        Function that takes the loads of the file and returns the loads without the mistake.
     """
 
     slip: Slip
@@ -66,7 +66,7 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """The exception for a mistake in the stated loads that explains why no material fits a dataset.
+    """The exception for a mistake in the loads of a dataset that explains why no material fits the measurement.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ class NamedCause(Exception):
     slip : str
         Key of the mistake, such as "field_reversed".
     error_mm, error_without_mm : float
-        Smallest mean distance in mm of measured points from simulated edges, of all moduli: with the stated loads
-        (``error_mm``) and with the corrected loads (``error_without_mm``).
+        Mean distance in mm of measured points from simulated edges, for the modulus with the smallest distance: with
+        the loads of the file (``error_mm``) and with the corrected loads (``error_without_mm``).
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -98,7 +98,7 @@ class NamedCause(Exception):
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Return the loads with gravity reversed, and with those tip forces reversed that act along gravity."""
+    """Return the loads with gravity reversed; tip forces that act along gravity are reversed too."""
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -133,27 +133,27 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return probable mistakes in the stated loads, such as a reversed field, or raise one that prevents a fit.
+    """Return probable mistakes in the loads of the files, such as a reversed field; raise one that prevents a fit.
 
     Parameters
     ----------
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     scan : Scan
-        The errors of all datasets together for many moduli.
+        The distance of simulated from measured edges, for many moduli and all datasets together.
     independent_points : float
-        Number of independent edge points.
+        Number of edge points with independent errors.
 
     Returns
     -------
     tuple of NamedCause
-        The mistakes that allow a fit, with a warning: at most one for each dataset, and none if the stated loads
+        The mistakes for which a warning is sufficient: at most one for each dataset, and none if the loads of the files
         explain the measurement.
 
     Raises
     ------
     NamedCause
-        For a mistake that allows no fit, because the measured edges contradict the stated loads with every modulus.
+        If the measured edges contradict the loads of a file for every modulus, and a mistake explains this.
     """
     causes: list[NamedCause] = []
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
@@ -174,9 +174,9 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest error in mm of all moduli, with loads corrected for the mistake ``cause``.
+    """Return the smallest distance (mm) of simulated from measured edges over all moduli, with corrected loads.
 
-    It is infinite if the mistake concerns no load of the dataset.
+    cause: the mistake that is corrected. The result is infinite if the dataset has no load that the mistake concerns.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)

@@ -1,17 +1,18 @@
-"""Improve the best candidate of a search by Gauss-Newton (iteratively reweighted least squares).
+"""Improve the result of a global search by Gauss-Newton (iteratively reweighted least squares).
 
-State k has N_k residuals r_ki in mm, which form the vector r_k. Up to a constant factor, the objective is
+Load state k has N_k residuals r_ki in mm, which form the vector r_k. Up to a constant factor, the objective is
 
     f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
 
-The slopes J_k = dr_k/dx are derivatives in the unit coordinates x (0 to 1) of the unknowns. The gradient of f is the
-gradient of least squares with the weights w_k = 1 / (N_k e_k):
+The matrices J_k = dr_k/dx are derivatives by the unknowns x, which are scaled so that their bounds are 0 and 1. The
+gradient g of f equals the gradient of a least-squares sum with the weights w_k = 1 / (N_k e_k), whose approximate
+Hessian is H:
 
     g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
 
 (Holland and Welsch 1977, Commun. Statist. A 6:813). Each step d minimises g' d + d' (H + lambda I) d / 2 within the
-unit cube. The weights are computed again at each step. The damping lambda is small and prevents steps in directions
-that the data do not determine. A step is accepted only if it lowers the objective.
+bounds. The weights are computed again at each step. The small damping lambda prevents steps in directions that the data
+do not determine. A step is accepted only if it lowers the objective.
 """
 
 from __future__ import annotations
@@ -39,15 +40,15 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of a fit for P candidates (sets of values of the unknowns)."""
+    """The objective and the residuals of a fit for P sets of values of the unknowns."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of the fit in mm for each of P candidates (sets of values of the unknowns), shape (P,)."""
+        """The objective of the fit for each of P sets of values of the unknowns, (P,) in mm."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals of P candidates (sets of values of the unknowns), one element for each experiment."""
+        """The residuals for P sets of values of the unknowns, one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -55,12 +56,12 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement of the best values of the unknowns of a fit by Gauss-Newton.
+    """The improvement of a fit by Gauss-Newton: number of steps, and objective before and after them.
 
     Parameters
     ----------
     mean_error_before_mm, mean_error_after_mm : float
-        Objective before and after the improvement in mm.
+        Objective before and after the steps in mm.
     steps : int
         Number of accepted Gauss-Newton steps.
     """
@@ -79,8 +80,8 @@ class Optimum(Generic[E]):
     unit : ndarray, shape (n,)
         Values of the n unknowns at the optimum, from 0 to 1 between their bounds.
     evaluation : Evaluation
-        Evaluation of 2 n + 1 points: the optimum, then n points with one value increased, then n points with one value
-        decreased.
+        The residuals at 2 n + 1 points: the optimum, then n points with one value increased, then n points with one
+        value decreased.
     distance : ndarray, shape (n,)
         Difference between the increased and the decreased value of each unknown.
     polish : Polish
@@ -94,18 +95,18 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the points for central differences about a point in the unit cube.
+    """Return the points at which a function is computed for its derivatives by central differences at a point.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The point, with n values from 0 to 1.
+        The point at which the derivatives are needed, with n coordinates from 0 to 1.
 
     Returns
     -------
     batch : ndarray, shape (2 n + 1, n)
-        One point in each row: the given point, then n points with one value increased, then n points with one value
-        decreased. All values are within 0..1.
+        One point in each row: ``unit``, then n points with one coordinate increased, then n points with one coordinate
+        decreased. All coordinates are from 0 to 1.
     distance : ndarray, shape (n,)
         Difference between the increased and the decreased value of each coordinate.
     """
@@ -130,15 +131,15 @@ def polish(
     Parameters
     ----------
     evaluate : callable
-        Takes P points of the unit cube, (P, n), and an earlier evaluation of similar points or None. Returns the
-        evaluation of the P points.
+        Takes the n coordinates of P points, (P, n), and an earlier evaluation near these points or None. Returns the
+        objective and the residuals at the P points.
     unit : ndarray, shape (n,)
         The start: values of the n unknowns from 0 to 1 between their bounds.
     start : (Evaluation, ndarray), optional
-        Evaluation of the start and of its neighbours for central differences, and the distance (n,) between the two
-        neighbours in each coordinate. Computed by default.
+        The residuals at the start and at its neighbours for central differences, and the distance between the two
+        neighbours in each coordinate, (n,). Computed by default.
     enough : float
-        Stop after a step that lowers the objective by less than this share of the objective.
+        The run ends when a step lowers the objective by less than this fraction.
 
     Returns
     -------
@@ -172,14 +173,14 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step (n,) from the point ``unit`` (n,) to another point of the unit cube."""
+    """Return a damped Gauss-Newton step, (n,), from the point ``unit``; its end has coordinates from 0 to 1."""
     gradient, hessian = _normal_equations(here.misfits, distance)
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return the gradient (n,) and the approximate Hessian (n, n) of the objective of a fit in n unknowns."""
+    """Return the gradient (n,) and the approximate Hessian (n, n) of the objective of a fit in the n unknowns."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

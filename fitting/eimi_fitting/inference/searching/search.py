@@ -1,19 +1,19 @@
-"""Global search by CMA-ES in the unit cube.
+"""Minimise a function of n variables, each from 0 to 1, by CMA-ES (a random search with a normal distribution).
 
-A candidate is a point u of the unit cube. Each generation draws P candidates u = m + sigma N(0, C). The ranks of
-their objectives adapt the mean m, the step size sigma and the covariance C (Hansen, arXiv:1604.00772; implementation:
-the package cma). The package keeps each coordinate of the candidates within 0..1. A search may consist of several runs:
+Each generation draws P points u = m + sigma N(0, C). The order of their objectives adapts the mean m, the step size
+sigma and the covariance C (Hansen, arXiv:1604.00772; implementation: the package cma). The package keeps each
+coordinate of the points within 0..1. A search may consist of several runs:
 
-- IPOP: the population doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
-- BIPOP: additional runs with a small population and a small first step follow each run of IPOP. All additional runs
-  cost as many evaluations as the runs of IPOP (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009
-  function testbed", GECCO, section 2).
+- IPOP: the number P of points doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
+- BIPOP: each run of IPOP is followed by additional runs with a small P and a small first step. All additional runs cost
+  as many evaluations as the runs of IPOP (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function
+  testbed", GECCO, section 2).
 
 Population sizes and stopping rules were chosen for this project. A run stops if the objectives of a whole generation
 lie within ``enough_mm`` of each other, or by a criterion of the package.
 
-The seed and the objectives alone determine the candidates: the same objectives give the same candidates, bit for bit.
-`search` can therefore replay the first generations of an interrupted search from their objectives.
+The seed and the objectives alone determine the points: the same objectives give the same points, bit for bit. `search`
+can therefore repeat the first generations of an interrupted search from their objectives.
 """
 
 from __future__ import annotations
@@ -38,31 +38,31 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P points of a search, and the reasons why points are not valid."""
+    """The objectives of P points of a search, and the reasons why some points are not valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objectives of P points in mm, (P,), to be minimised; a very large number if a point is not valid."""
+        """The objective of each of P points, (P,) in mm; a very large number if a point is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam has no equilibrium in a state, for each of P points of the search, (P,)."""
+        """Whether the beam has no equilibrium in at least one load state, for each of P points of the search, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material law is unstable in a state, for each of P points of the search, (P,)."""
+        """Whether the material law is unstable in at least one load state, for each of P points of the search, (P,)."""
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """The objectives of the P candidates (points) of one generation of a search.
+    """The objectives of the P points of one generation of a search.
 
     Parameters
     ----------
     objective_mm : tuple of float
         The P objectives in mm.
     unconverged, unstable : int
-        Number of candidates without an equilibrium (``unconverged``) and with an unstable material law (``unstable``).
+        Number of points without an equilibrium of the beam, and number of points with an unstable material law.
     """
 
     objective_mm: tuple[float, ...]
@@ -72,22 +72,22 @@ class Objectives:
 
 @dataclass(frozen=True)
 class Generation:
-    """The progress of a search after one generation of candidates (points of the unit cube).
+    """The progress of a search by CMA-ES after one generation (one set of random points).
 
     Parameters
     ----------
     run : int
-        Number of the run of CMA-ES, counted from 1.
+        Index of the run of CMA-ES, counted from 1.
     best_mm : float
         Smallest objective of all generations so far, in mm.
     mean_mm : float
-        Mean objective of the valid candidates of this generation, in mm.
+        Mean objective of the valid points of this generation, in mm.
     step_size : float
-        Step size sigma of CMA-ES in the unit cube.
+        Step size sigma of CMA-ES; each coordinate of a point has the range from 0 to 1.
     axis_ratio : float
-        Length of the longest axis of the normal distribution of candidates, divided by the length of the shortest axis.
+        Length of the longest axis of the normal distribution of the points, divided by the length of the shortest axis.
     discarded : int
-        Number of candidates in this generation that are not valid.
+        Number of points in this generation that are not valid.
     """
 
     run: int
@@ -100,14 +100,14 @@ class Generation:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of CMA-ES, a part of a search in the unit cube.
+    """One run of CMA-ES, a part of a search.
 
     Parameters
     ----------
     population : int
-        Number of candidates in a generation.
+        Number of points in a generation.
     step_size : float
-        First step size sigma of CMA-ES.
+        First step size sigma of CMA-ES; each coordinate of a point has the range from 0 to 1.
     generations : int
         Number of generations.
     best_mm : float
@@ -126,7 +126,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """The numbers of points of a search without an equilibrium and with an unstable material law."""
+    """Number of points of a search without an equilibrium, and number of points with an unstable material law."""
 
     unconverged: int
     unstable: int
@@ -134,22 +134,22 @@ class Discards:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best candidate (point of the unit cube) of a search, and the history of the search.
+    """The point with the smallest objective that a search found, and the history of the search.
 
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The n coordinates of the best candidate, from 0 to 1.
+        The n coordinates of the point, from 0 to 1.
     objective_mm : float
-        Objective of the best candidate in mm.
+        Objective of the point in mm.
     history : tuple of Generation
         All generations.
     runs : tuple of Run
         All runs of CMA-ES.
     evaluations : int
-        Number of candidates in all generations.
+        Number of points in all generations.
     discarded : Discards
-        Numbers of candidates that are not valid.
+        Number of points that are not valid, for each reason.
     """
 
     unit: Array
@@ -166,7 +166,7 @@ class SearchResult:
 
 
 class OtherSearch(Exception):
-    """The exception if the stored generations of an interrupted search do not belong to the search that is resumed."""
+    """The stored generations of an interrupted search do not belong to the search that is resumed."""
 
 
 def search(
@@ -182,24 +182,25 @@ def search(
     replay: Sequence[Objectives] = (),
     progress: Callable[[Generation, Objectives], None] | None = None,
 ) -> SearchResult:
-    """Minimise an objective over the unit cube by CMA-ES.
+    """Minimise a function of n variables, each from 0 to 1, by CMA-ES.
 
     Parameters
     ----------
     objective : callable
-        Takes the unit coordinates (0 to 1), (P, n), of the P candidates of a generation and returns the objectives.
+        The function. It takes the coordinates of the P points of a generation, (P, n), and returns their objectives.
     n : int
-        Number of coordinates of a candidate.
+        Number of variables.
     seed : int
         Seed of the random numbers.
     population : int, optional
-        Number of candidates in a generation of the first run; by default 8 for n = 1, else 8 + 2 n.
+        Number of points in a generation of the first run; by default 8 for n = 1, else 8 + 2 n.
     most_generations : int
         Largest number of generations of one run.
     restarts : int
-        Number of further runs. Each further run starts from a random point with twice the population of the run before.
+        Number of runs after the first. Each of them starts from a random point with twice the population of the
+        previous run.
     bipop : bool
-        Add runs with small populations after each further run.
+        Whether each of these further runs is followed by runs with small populations.
     enough_mm : float
         A run stops if the objectives of a whole generation differ by less than this length in mm.
     replay : sequence of Objectives
@@ -212,12 +213,12 @@ def search(
     Returns
     -------
     SearchResult
-        The best candidate and the history of the search.
+        The point with the smallest objective, and the history of the search.
 
     Raises
     ------
     OtherSearch
-        If a generation of ``replay`` has another number of candidates than the generation of this search.
+        If a generation of ``replay`` has another number of points than the generation of this search.
     """
     rng = np.random.default_rng(seed)
     log = _Log(n, replay, progress)
@@ -251,7 +252,7 @@ def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
 
 
 class _Log:
-    """The history of a search, and the stored objectives of an interrupted search that need no evaluation."""
+    """The history of a search, and the stored objectives of an interrupted search, which are not computed again."""
 
     def __init__(
         self,
@@ -266,12 +267,10 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the stored objectives of the next generation of the search; None if there are none.
+        """Return the stored objectives of the next generation of the search; None if no further generation is stored.
 
-        Raises
-        ------
-        OtherSearch
-            If the number of stored objectives differs from ``candidates``, the number of points of the generation.
+        candidates: the number of points of the generation. If it differs from the number of stored objectives, raise
+        OtherSearch.
         """
         if len(self.history) >= len(self._replay):
             return None
@@ -284,7 +283,7 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation of candidates to the history, and report it to the caller's function ``progress``."""
+        """Add one generation of points to the history, and report it to the caller's function ``progress``."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -304,7 +303,7 @@ class _Log:
             self._progress(self.history[-1], objectives)
 
     def result(self) -> SearchResult:
-        """Return the best candidate of the search so far, with the history."""
+        """Return the point with the smallest objective so far, with the history of the search."""
         return SearchResult(
             unit=self._best_unit,
             objective_mm=self._best,
@@ -345,7 +344,7 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield the first step size, the population and the largest number of generations of each run of a search.
+    """Yield, for each run: first step size, number of points in a generation, and largest number of generations.
 
     The caller appends each finished run to ``done``.
     """
