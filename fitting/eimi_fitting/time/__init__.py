@@ -1,8 +1,8 @@
-"""Identify the viscoelastic (Prony) law of a soft beam from ring-downs (free vibrations), creep and static states.
+"""Identify the viscoelastic (Prony) law of a soft beam from ring-downs (free vibrations), creep and shapes at rest.
 
 measured         `Motion`, a recorded ring-down or creep
 channels         the coordinates of points over time, cleaned of gaps and outliers
-decay            frequencies and losses of a ring-down
+decay            frequencies and loss factors of a ring-down
 decay_windows    frequency and loss of a ring-down in time windows
 decay_checks     whether the fitted vibrations describe a ring-down
 swinging_weight  the vibration of a beam whose hanging weight swings like a pendulum

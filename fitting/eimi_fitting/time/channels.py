@@ -47,16 +47,16 @@ class Signals:
     sigma_mm : ndarray, shape (c,)
         Standard deviation of the noise of each channel.
     points : ndarray of int, shape (c,)
-        The number of the point of each channel.
+        Index of the point of each channel.
     axis : ndarray of int, shape (c,)
-        The coordinate of each channel: 0 for x, 1 for y.
+        Coordinate of each channel: 0 for x, 1 for y.
     reduced : ndarray, shape (n, r)
-        Independent signals; the standard deviation of their noise is about 1.
+        The independent signals; the standard deviation of their noise is about 1.
     patterns : ndarray, shape (r, c)
         The matrix product of ``reduced`` and ``patterns`` is ``channels_mm`` divided by ``sigma_mm``, without the mean
         over the frames of the recording and without most of the noise.
     filled : float
-        Fraction of the entries of ``channels_mm`` that were missing or outliers and were filled in.
+        Fraction of the entries of ``channels_mm`` that were missing or outliers, and were replaced.
     """
 
     time_s: Array
@@ -144,7 +144,10 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return the time of each of n frames, (n,) in s."""
+    """Return the time of each of n frames, (n,) in s; NaN for a frame without a time of any point.
+
+    The time of a frame is the mean time of its points, after the median delay of each point has been subtracted.
+    """
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -159,9 +162,9 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return n frames of c channels without gaps and outliers, (n, c), and which entries were replaced, (n, c).
+    """Fill the gaps and replace the outliers of c channels; return the channels, (n, c), and what was replaced, (n, c).
 
-    A channel is one coordinate of one point, with NaN where the point was not visible.
+    A channel is one coordinate of one point in n frames, with NaN where the point was not visible.
     """
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
@@ -206,7 +209,7 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 def _reduced(values: Array) -> tuple[Array, Array]:
     """Reduce c coordinates of points to a few (r) signals; return the signals, (n, r), and the patterns, (r, c).
 
-    The matrix product of the two is nearly ``values``, (n, c), without the mean over the n frames.
+    The matrix product of signals and patterns is nearly ``values``, (n, c), without the mean over the n frames.
     """
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)

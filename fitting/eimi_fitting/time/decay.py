@@ -173,10 +173,11 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
-    """Fit vibrations to a part of a ring-down, and return the fit, the time windows and the windows that are used.
+    """Fit damped vibrations to the frames ``part`` of a ring-down, in which the beam vibrates freely.
 
-    part: the frames in which the beam vibrates freely; frequency: frequency of the largest vibration in Hz; hangs:
-    whether a weight hangs from the beam.
+    Return the fit, the frequency and loss factor in time windows (shorter parts of the recording), and the slice of the
+    windows in which the vibration is not disturbed. frequency: frequency of the largest vibration in Hz; hangs: whether
+    a weight hangs from the beam.
     """
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
@@ -212,10 +213,10 @@ def _swing_in_words(swinging: ModalFit, label: str) -> str:
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return a warning that only some time windows of a ring-down (a free vibration) are used.
+    """Return a warning that only a part of a ring-down (a free vibration) is used, because the vibration changes.
 
-    windows: all windows; used: those used; label: where the recording comes from; hangs: whether a weight hangs from
-    the beam.
+    windows: frequency and loss factor in parts of the recording; used: the slice of the windows that are used; label:
+    where the recording comes from; hangs: whether a weight hangs from the beam.
     """
     first, last = windows[used.start], windows[used.stop - 1]
     if hangs:
@@ -282,8 +283,8 @@ def _first_frequency(signals: Signals, label: str) -> float:
 def _lasting(values: Array, size: int) -> Array:
     """Return, for each frequency of a spectrum, 1 if the power there hardly decreases during the recording, else 0.
 
-    Lasting power is the hum of a motor or of a lamp. values: r signals in n frames, (n, r); size: the number of values
-    for the Fourier transform.
+    Power that does not decrease comes from a motor or a lamp, not from a free vibration. values: r signals in n frames,
+    (n, r); size: the number of values for the Fourier transform.
     """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]
@@ -302,7 +303,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times in s, (n,), and the largest amplitude of a vibration over the beam at these times, (n,) in mm.
+    """Return times in s, (n,), and the amplitude of a vibration at these times, (n,) in mm, where the beam moves most.
 
     frequency: the frequency of the vibration in Hz.
     """
@@ -321,10 +322,10 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the frames left out.
+    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the other frames.
 
-    frequency: frequency in Hz; length_mm: length of the beam; label: where the recording comes from; is_stepped:
-    whether a change of the load starts the vibration.
+    frequency: frequency of the vibration in Hz; length_mm: length of the beam; label: where the recording comes from;
+    is_stepped: whether a change of the load starts the vibration.
     """
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
@@ -363,7 +364,7 @@ def _segment(
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
     """Return whether the amplitude rises so fast that something has pushed the beam.
 
-    size: the amplitude in n frames, (n,); at: number of a frame in which the amplitude rises; period: length of a
+    size: the amplitude in n frames, (n,); at: index of a frame in which the amplitude rises; period: duration of a
     period in frames.
     """
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))

@@ -1,4 +1,4 @@
-"""Checks of a ring-down: whether the fitted vibrations describe the motion, and which frames at the start do not fit.
+"""Checks of a ring-down: whether fitted vibrations describe the motion, and which frames at its start are disturbed.
 
 The hand that flicks a beam may touch it again after the release. A weak clamp, a lost point and a moving support also
 cause motions that are not damped vibrations of the beam.
@@ -58,15 +58,15 @@ def unexplained_share(fitted: ModalFit) -> float:
 
 
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
-    """Return whether damped vibrations describe the later frames alone much better than all frames.
+    """Return whether a fit of damped vibrations describes its frames much better than a fit to more frames does.
 
-    later, whole: fits to the later frames and to all frames.
+    later: the fit to the frames after a disturbed start; whole: the fit to all frames.
     """
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 
 
 def refusal_of(fitted: ModalFit, label: str) -> str | None:
-    """Return a text that says why a fit must not be used; None if it may be used.
+    """Return the reason why fitted vibrations must not be used, as text; None if they may be used.
 
     label: where the recording comes from.
     """

@@ -55,7 +55,7 @@ class Window:
 
 
 def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
-    """Return the frequency and loss factor of a ring-down (a free vibration) in time windows of equal duration."""
+    """Return the frequency and loss factor of a free vibration in parts of the recording of equal duration."""
     time, amplitude = fitted.signals.time_s, fitted.amplitude_mm()
     period = 1 / fitted.frequency_Hz
     halvings = np.log2(max(float(amplitude[0] / amplitude[-1]), 1.0))
@@ -102,9 +102,12 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
-    """Return which time windows of a ring-down are used to identify the material: consecutive windows that agree.
+    """Return the slice of the time windows (parts of a ring-down) that are used to identify the material.
 
-    hangs: whether a weight hangs from the beam.
+    The loss factor and the frequency hardly change between the windows of the slice. If several groups of windows have
+    this property, as when a hand touches the beam, the group with the smallest loss factor is used. If a weight hangs
+    from the beam (``hangs``), the windows before the loss factor rises are used, because the weight may swing
+    afterwards.
     """
     if len(windows) < 2:
         return slice(0, len(windows))
@@ -128,17 +131,18 @@ def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
 
 
 def _largest_loss(windows: Sequence[Window]) -> float:
-    """Return the mean loss factor of several time windows, plus two standard uncertainties of the mean."""
+    """Return an upper limit of the loss factor in time windows: the mean plus two of its standard uncertainties."""
     weights = np.array([window.loss_sigma for window in windows]) ** -2.0
     mean = float(np.array([window.loss for window in windows]) @ weights / weights.sum())
     return mean + 2 / float(np.sqrt(weights.sum()))
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return the errors of ln(frequency) and of the loss factor that a swinging weight may cause, (2,).
+    """Return the errors of ln(frequency) and of the loss factor of a beam from which a swinging weight hangs, (2,).
 
-    windows: the time windows; used: the number of windows that are used, from the first on; mode: ln(angular frequency)
-    and loss factor of the fitted vibration.
+    The weight exchanges energy with the beam, so that frequency and loss factor change during the recording. The errors
+    follow from these changes. windows: frequency and loss factor in parts of the recording; used: the number of windows
+    that were fitted, from the first on; mode: ln(angular frequency) and loss factor of the fit.
     """
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)

@@ -1,8 +1,9 @@
-"""The evidence for a viscoelastic law: residuals of ring-downs (free vibrations) and of the sag at rest.
+"""The residuals of ring-downs (free vibrations) and of the sag at rest, to which a viscoelastic law is fitted.
 
-Each piece of evidence computes its residuals for P candidate laws. A candidate is an instantaneous shear modulus (Pa),
-a Prony series, and the logarithm of a factor on the magnetic loads. Each residual is a deviation divided by its
-standard uncertainty. The module `time.slow_evidence` contains the evidence of creep and of static states.
+The sag is the bending of the beam under its own weight. A residual is the difference between a computed and a measured
+quantity, divided by its standard uncertainty. All residuals are computed for P candidate laws at once. A candidate is
+an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a factor on the magnetic loads. The module
+`time.slow_evidence` contains the residuals of creep and of other shapes at rest.
 """
 
 from __future__ import annotations
@@ -44,36 +45,36 @@ class Evidence(Protocol):
     """
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals (computed minus measured numbers) of P candidate laws, (P, k).
+        """Return the k residuals (computed minus measured quantities) of P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty. instantaneous_Pa: instantaneous shear moduli, (P,). series: Prony
-        series. load_log: logarithms of factors on the magnetic loads, (P,).
+        Each is divided by its standard uncertainty. instantaneous_Pa: instantaneous shear modulus of each law, (P,).
+        series: Prony series of each law. load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if uncertain inputs, such as the width, change one at a time.
+        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
         sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input; only a vector, such as a background field, has several components.
+        input that changes; only a vector, such as a background field, has several components.
         """
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """The vibrations of one ring-down as evidence for a viscoelastic law: frequency and loss factor of each mode.
+    """The measured frequencies and loss factors of one ring-down, which a viscoelastic law must explain.
 
     Attributes
     ----------
     table : RingTable
-        The computed frequencies of the specimen.
+        The frequencies of the specimen, computed for many laws.
     decay : Decay
         The measured vibrations.
     modes : tuple of (int, RingMode)
-        Pairs of the number of a mode, from 0, and the measured frequency and loss factor of this mode.
+        For each measured mode its index, counted from 0 for the lowest frequency, and its frequency and loss factor.
     inflation : float
         Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
     repeats : int
-        Number of ring-downs under the same loads. They have the same table, and its errors are common to all of them.
+        Number of ring-downs under the same loads. An error of ``table`` is the same in all of them.
     age_s : float
         Time in s from the last change of the load to the vibrations. The beam has crept for this time under constant
         loads.
@@ -88,7 +89,7 @@ class RingEvidence:
 
     @staticmethod
     def of(table: RingTable, decay: Decay, is_stepped: bool = False) -> RingEvidence:
-        """Return the evidence of a ring-down: frequency and loss factor of each mode of a free vibration.
+        """Match the measured vibrations of a ring-down to computed modes, and return them as data for a fit.
 
         table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
         ring-down begins with a known change of the load.
@@ -114,7 +115,8 @@ class RingEvidence:
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the deviations of computed from measured ln(frequency) and loss factor for P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty.
+        Each is divided by its standard uncertainty. load_log: for each law, the logarithm of a factor on the magnetic
+        loads.
         """
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
@@ -139,7 +141,7 @@ class RingEvidence:
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
         """Convert errors of ln(frequency) and loss factor of one mode to independent numbers of variance 1, (..., 2).
 
-        number: the number of the mode, from 0; mode: the measured vibration; gaps: the errors, (..., 2).
+        number: the index of the mode, counted from 0; mode: the measured vibration; gaps: the errors, (..., 2).
         """
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         # Common errors do not average out: each ring-down gets a share of the weight of one.
@@ -153,9 +155,10 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals if uncertain inputs, such as the width, change by their uncertainties.
+        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
-        sources: the standard uncertainties of the inputs, by name.
+        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
+        input that changes.
         """
         return {
             key: np.concatenate(
@@ -171,16 +174,18 @@ class RingEvidence:
 
 @dataclass(frozen=True)
 class Sag:
-    """The sag of a beam at rest under its weight, compared with the sag that its vibration predicts.
+    """The sag of a beam (its bending under its own weight), measured and computed.
 
     Attributes
     ----------
     computed_mm : float
-        The largest sag of a point in mm, computed with the middle modulus of the table of vibrations.
+        The largest sag of a point in mm, computed with the shear modulus that gives about the measured frequency of
+        vibration.
     measured : float
-        The measured sag, as a multiple of the computed sag (by least squares over the points).
+        The measured sag, as a multiple of this computed sag (by least squares over the points).
     moduli_Pa, ratios : ndarray, shape (m,)
-        Several shear moduli. For each of them, the computed sag as a multiple of the sag with the middle modulus.
+        Several shear moduli, and the sag that is computed with each of them, as a multiple of the sag of
+        ``computed_mm``.
     """
 
     computed_mm: float
@@ -190,9 +195,9 @@ class Sag:
 
     @staticmethod
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
-        """Return the sag in a recorded ring-down, the bending of the beam under its own weight.
+        """Return the measured and the computed sag (bending under its own weight) of the beam in a recorded ring-down.
 
-        None if too few points were seen, or if the beam does not bend under its weight.
+        None if too few points are visible, or if the computed beam does not bend under its weight.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -250,10 +255,11 @@ class RestEvidence:
 
     @staticmethod
     def of(sag: Sag, table: RingTable) -> RestEvidence | None:
-        """Return the evidence from the sag of the beam at rest (a modulus), or None.
+        """Return the shear modulus for which the computed sag of the beam equals the measured sag, or None.
 
-        The result is None if the beam hardly bends under its own weight, or if no modulus from 0.3 to 3 times the
-        middle modulus of ``table`` gives the sag.
+        The sag is the bending of the beam under its own weight. sag: the measured sag, and the sag computed for several
+        moduli; table: the computed vibrations of the same specimen. The result is None if the beam hardly bends, or if
+        the measured sag is not between the computed ones.
         """
         if sag.computed_mm < _LEAST_SAG * table.beam.specimen.length_mm:
             return None
@@ -272,7 +278,7 @@ class RestEvidence:
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the deviation of ln(modulus at rest) from its measured value for P candidate laws, (P, 1).
 
-        It is divided by its standard uncertainty.
+        It is divided by its standard uncertainty. ``load_log`` is not used.
         """
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
@@ -283,7 +289,7 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Return ring-downs (free vibrations) whose uncertainties agree with the scatter of repeated ring-downs.
+    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter of repeated ring-downs.
 
     Repeated ring-downs are those under the same loads.
     """

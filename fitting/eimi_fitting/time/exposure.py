@@ -16,16 +16,16 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return fitted vibrations (a decay) with the true amplitudes of the beam in place of the amplitudes in the frames.
+    """Return fitted vibrations with the amplitudes of the beam, which are larger than the amplitudes in the frames.
 
-    A frame shows the mean position during its exposure, so that the amplitude in the frames is smaller.
+    A frame shows the mean position during its exposure, which makes an amplitude smaller.
 
     Parameters
     ----------
     decay : Decay
         The vibrations, fitted to the frames.
     exposure_s : float or None
-        Exposure time of a frame; None if it is not known. The decay is then returned unchanged.
+        Exposure time of a frame; None if it is not known. The vibrations are then returned unchanged.
     """
     shown = float(np.sinc(decay.modes[0].frequency_Hz * (exposure_s or 0.0)))
     if not _LEAST < shown < 1:

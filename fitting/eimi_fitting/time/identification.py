@@ -1,4 +1,4 @@
-"""Identify the viscoelastic (Prony) law of a beam from recorded motions, and from static states if there are any."""
+"""Identify the viscoelastic (Prony) law of a beam from recorded motions, and from shapes at rest if there are any."""
 
 from __future__ import annotations
 
@@ -145,9 +145,9 @@ def identify_time(
     motions : sequence of RecordedMotion
         The motions. At least one of them must show a decaying vibration.
     stated : sequence of StatedSource
-        The sources of uncertainty that a file specifies, with their standard uncertainties.
+        Uncertain inputs, such as the width, with their standard uncertainties.
     static : StaticStates, optional
-        Static states of the same specimen.
+        Shapes of the same specimen at rest under constant loads.
     seed : int
         Seed of the random numbers.
     free_times : bool
@@ -243,7 +243,7 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a warning if the planar section in the specimen file and a solid section give different moduli.
+    """Return a warning if a three-dimensional model gives another modulus than the planar section of the specimen file.
 
     The result is empty if the moduli differ by less than 2 %.
     """
@@ -296,7 +296,7 @@ def _analysed(
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
     """Return the table of the beam's frequencies for the loads and the hanging weight of a recorded motion.
 
-    A new table is appended to ``tables``.
+    If ``tables`` does not contain this table, it is computed and appended to ``tables``.
     """
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
@@ -316,7 +316,7 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return rotations of the tip over time (the evidence of creep) from recordings with a step of the load.
+    """Return the measured rotations of the tip over time (creep) for recordings with a step of the load, at most six.
 
     analysed: the recordings with their vibrations. law, shape: the hyperelastic law and its parameters. middle_Pa: a
     typical shear modulus of the specimen.
@@ -349,7 +349,8 @@ def _at_rest(
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
     """Return the modulus from the sag of the beam at rest, or None, and warnings if it contradicts the vibration.
 
-    The sag is the bending of the beam under its own weight.
+    The sag is the bending of the beam under its own weight. table: the computed vibrations of the ring-downs that are
+    used.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:

@@ -1,14 +1,14 @@
 """The fit of the viscoelastic (Prony) law of a material to all data together.
 
-CMA-ES searches the unknowns of `time.terms` and the logarithm of the factor on the magnetic loads. A least-squares fit
-starts at the best candidate of the search. All errors and priors are taken as normal. With the residuals r(x) of the
-unknowns x, the maximum of the posterior is the minimum of
+CMA-ES searches the unknowns of `time.terms` (moduli and relaxation times) and the logarithm of a factor on the magnetic
+loads. A least-squares fit starts at the result of the search. All errors and priors are taken as normal. With the
+residuals r(x) of the unknowns x, the maximum of the posterior is the minimum of
 
     chi² = |r(x)|² + sum ((x - mean) / sigma)²,
 
 where mean and sigma are the means and standard deviations of the prior. The marginal likelihood Z, the probability
-density of the data for a given number of terms, is computed by Laplace's approximation (MacKay 2003, Information
-Theory, chapter 27, where Z is called evidence),
+density of the data for a given number of terms of the Prony series, is computed by Laplace's approximation (MacKay
+2003, Information Theory, chapter 27, where Z is called evidence),
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
@@ -55,9 +55,10 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 
 
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
-    """Return the relative standard uncertainties of the magnetic loads by name, or None if they are not known.
+    """Return the relative standard uncertainty of the magnetic loads due to each uncertain input that scales them.
 
-    stated: the sources of uncertainty that files state.
+    The result is None without a magnet, or if the uncertainty of its moment is not known. stated: the uncertain inputs,
+    with their standard uncertainties.
     """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
@@ -70,7 +71,7 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law with a given number of terms to the data.
+    """The fit of a viscoelastic law, with a given number of terms of the Prony series, to the data.
 
     The data are ring-downs (free vibrations), recordings of creep, and static states.
 
@@ -116,10 +117,10 @@ class Problem:
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if uncertain inputs, such as the width, change one at a time.
+        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
         sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input; only a vector, such as a background field, has several components.
+        input that changes; only a vector, such as a background field, has several components.
         """
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
@@ -148,7 +149,7 @@ class _Values:
 
 @dataclass(frozen=True)
 class TimeOptimum:
-    """The optimum of the fit of a viscoelastic law with a given number of terms.
+    """The optimum of the fit of a viscoelastic law, with a given number of terms of the Prony series.
 
     Attributes
     ----------
@@ -157,13 +158,13 @@ class TimeOptimum:
     unknowns : ndarray, shape (m,)
         The m unknowns at the optimum: those of the law, then the logarithm of the factor on the magnetic loads.
     jacobian : ndarray, shape (k + m, m)
-        Derivatives of the k residuals of the data and the m residuals of the priors by the unknowns.
+        Derivatives of the k residuals of the data, then of the m residuals of the priors, by the unknowns.
     chi2 : float
         Sum of the squared residuals of the data, without the priors.
     log_evidence : float
         Logarithm ln Z of the marginal likelihood Z (the probability density of the data for this number of terms).
     evaluations : int
-        Number of candidates that were computed.
+        Number of laws for which the residuals were computed.
     converged : bool
         Whether the least-squares fit converged.
     """
@@ -182,23 +183,23 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum if uncertain inputs change one at a time.
+        """Return the changes of the m unknowns at the optimum if one uncertain input changes by its uncertainty.
 
-        effects: for each input, the changes of the k residuals of the data, (components, k). The result has an array
-        (components, m) for each input.
+        effects: for each input that changes, the changes of the k residuals of the data, (components, k). The result
+        has an array (components, m) for each input.
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum if ln(factor on the magnetic loads) grows, (m,).
+        """Return the change of the m unknowns at the optimum if the magnetic loads have an error, (m,).
 
-        sigma: the increase of this logarithm.
+        sigma: the error, by which the prior mean of ln(factor on the magnetic loads) increases.
         """
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum of the same fit without knowledge of the magnetic moment."""
+        """Return the optimum of the same fit with almost no prior knowledge of the magnetic moment."""
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
         chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
@@ -208,9 +209,9 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of a viscoelastic fit: the best result of least-squares fits from several starts.
+    """Return the optimum of the fit of a viscoelastic law: the best result of least-squares fits from several starts.
 
-    fewer: the optimum with one term fewer, from which some of the fits start.
+    fewer: the optimum with one term fewer in the Prony series, from which some of the fits start.
     """
     starts, evaluations = [problem.mean], 0
     if fewer is not None:
@@ -246,10 +247,10 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit the law by least squares from one start; return the m unknowns, the derivatives, and two notes on the search.
+    """Fit the law by least squares from the values ``start`` of the m unknowns.
 
-    The derivatives are those of all residuals by the unknowns, (k + m, m), for k data. The notes are the number of
-    evaluated laws and whether the fit converged.
+    Return the unknowns, (m,), the derivatives of all k + m residuals by the unknowns, (k + m, m), the number of laws
+    that were computed, and whether the fit converged.
     """
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
@@ -296,9 +297,11 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f numbers, such as moduli at fixed times, on which the residuals depend almost linearly, (P, f).
+    """Return f quantities of each of P laws, (P, f), from which the residuals are approximated by a linear function.
 
-    unknowns: the m unknowns of each of P candidate laws, (P, m). omegas: angular frequencies in rad/s.
+    The approximation makes random draws of the unknowns fast. The quantities are moduli and loss factors at the angular
+    frequencies ``omegas`` (rad/s), moduli at fixed times, and the factor on the magnetic loads, all but the loss
+    factors as logarithms. unknowns: the m unknowns of each law, (P, m).
     """
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
@@ -329,7 +332,7 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     omegas : ndarray
         Angular frequencies of the ring-downs (free vibrations) in rad/s.
     of_sources : bool
-        Whether to add the changes due to the sources of uncertainty.
+        Whether the draws contain the errors of the uncertain inputs.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)

@@ -36,18 +36,20 @@ _NODES = 65  # of a curve
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """The moment of the loads on a beam in one state, as a function of the rotation theta of the tip.
+    """The moment of the loads on a beam as a function of the rotation theta of the tip.
+
+    Moments are divided by a constant of the beam in m³, so that their unit is Pa rad: an elastic beam with the shear
+    modulus mu resists a rotation theta with the moment mu theta.
 
     Attributes
     ----------
     rotation : ndarray, shape (m,)
         Rotations theta in rad, increasing.
     moment : ndarray, shape (m,)
-        The moment of the loads at each rotation in Pa rad: the moment in N m, divided by a constant of the beam in m³.
-        It is mu theta, where mu is the shear modulus with which the tip of an elastic beam rotates by theta.
+        The moment of the loads at each rotation in Pa rad.
     of_field : ndarray, shape (m,)
-        The part of ``moment`` that the field causes. It is proportional to the field. The other part is that of gravity
-        and of forces.
+        The part of ``moment`` that the magnetic field causes, and that is proportional to the field. The remaining part
+        is due to gravity and forces.
     """
 
     rotation: Array
@@ -56,10 +58,11 @@ class LoadCurve:
 
     @staticmethod
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
-        """Return the moment of the loads as a function of the rotation of the tip, interpolated between a few points.
+        """Return the moment of the loads as a function of the rotation of the tip, interpolated between points.
 
-        nominal: the rotations in rad and the moments in Pa rad (divided by a constant of the beam in m³). stronger: the
-        same in a field that is ``factor`` times as strong.
+        nominal: the rotations in rad and the moments in Pa rad of the points. stronger: rotations and moments in a
+        field that is ``factor`` times as strong; the difference shows which part of the moment the field causes.
+        Moments are divided by a constant of the beam in m³.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
@@ -71,24 +74,27 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the load curve of a beam without a field, on which gravity acts like a spring.
+        """Return the moment of gravity as a function of the rotation of the tip, for a beam without a magnetic field.
 
-        The moment is -``stiffness_Pa`` times the rotation of the tip in rad.
+        Gravity acts like a spring: the moment is -``stiffness_Pa`` times the rotation in rad.
         """
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment of the loads (Pa rad) and its derivative (Pa) at P rotations of the tip in rad, (P,) each.
+        """Return the moment (Pa rad) and its derivative by the rotation (Pa) at P rotations of the tip, (P,) each.
 
-        The moment is divided by a constant of the beam in m³.
+        The moment is that of the loads, divided by a constant of the beam in m³.
         """
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the same curve of the loads, given by their moments at equally spaced rotations of the tip."""
+        """Return the curve with the moment of the loads interpolated at equally spaced rotations of the tip.
+
+        With equal spacing, the interval of a rotation is computed without a search.
+        """
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 
@@ -156,7 +162,7 @@ class CreepHistories:
     Parameters
     ----------
     histories : sequence of (tuple of LoadStep, ndarray)
-        For each history, the loads in the order of time, and the increasing times in s at which the rotation is wanted.
+        For each history, the loads in the order of time, and the increasing times in s at which the rotation is needed.
         The times lie after the first of the loads. The beam is at rest before these loads.
     """
 
@@ -193,10 +199,10 @@ class CreepHistories:
         self._others = _lines(rotations, np.stack([curve.moment for curve in even]) - of_field)
 
     def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
-        """Return the rotations of the tip for P candidate laws at the m wanted times of each history, (P, m) in rad.
+        """Return the rotations of the tip for P candidate laws at the m times of each history, (P, m) in rad.
 
-        instantaneous_Pa: instantaneous shear modulus of each candidate, (P,). series: a Prony series for each
-        candidate. load_factor: factor on the field for each candidate, (P,).
+        instantaneous_Pa: instantaneous shear modulus of each law, (P,). series: a Prony series for each law.
+        load_factor: factor on the magnetic field for each law, (P,).
         """
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]
@@ -228,10 +234,10 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return slope and value at the rotation 0 of the straight lines between neighbouring points of several curves.
+    """Return slope and value at the rotation 0 of the straight lines that interpolate several load curves.
 
     rotations, moments: the points of each curve, (curves, lines + 1), in rad and Pa rad. The result has slopes (Pa) in
-    its first row and values (Pa rad) in its second, (2, curves * lines).
+    its first row and values (Pa rad) in its second row, (2, curves * lines).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
@@ -239,16 +245,16 @@ def _lines(rotations: Array, moments: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The m time steps of one history of loads.
+    """The m time steps in which the creep of a beam under one history of loads is computed.
 
     Attributes
     ----------
     spans_s : ndarray, shape (m,)
         Duration of each step in s.
     curves : list of LoadCurve
-        The moment of the loads as a function of the rotation of the tip, for each step.
+        For each step, the moment of the loads as a function of the rotation of the tip.
     wanted : ndarray of int
-        Numbers of the steps that end at a time for which the rotation is wanted.
+        Indices of the steps at whose ends the rotation is needed.
     """
 
     spans_s: Array

@@ -34,11 +34,11 @@ class Motion:
     exposure_s : float or None
         Exposure time of a frame; None if it is not known.
     from_A, to_A : float
-        Current before the step and current after the step; both are 0 without a coil.
+        Current of the coil in A before the step of the load and after it; both are 0 without a coil.
     step_uncertainty_s : float
         Standard uncertainty of the time of the step.
     history : tuple of (float, float)
-        Set-points of the current before the step: for each set-point the time relative to the step (negative) in s, and
+        Earlier currents of the coil: for each, the time in s at which it was set, relative to the step (negative), and
         the current in A.
     lost_frames : int
         Number of frames that are missing in the recording.

@@ -1,6 +1,7 @@
 """Modal fit: damped vibrations of a beam, fitted to the signals of a ring-down.
 
-The reduced signals of a ring-down (`time.channels`) are sums of damped vibrations and a slow baseline,
+The measured coordinates of points are reduced to a few independent signals (`time.channels`). Each signal is a sum of
+damped vibrations and a slow baseline,
 
     z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
 
@@ -11,9 +12,9 @@ decay rate delta of the mode at small amplitudes, the exponent of the first mode
 
 The frequency and damping of the first mode change with the square of the amplitude. Geometric nonlinearity causes this
 change (Nayfeh and Mook 1979, Nonlinear Oscillations, section 2.3). At the first frame the frequency is higher by the
-fraction kappa_1, and the loss factor 2 delta / omega is larger by 2 kappa_2. The other modes have kappa_1 = kappa_2 =
-0. A nonlinear beam also vibrates at two and three times the frequency of the first mode. These harmonics are fitted
-too.
+fraction kappa_1 than at small amplitudes, and the loss factor 2 delta / omega is larger by 2 kappa_2. The other modes
+have kappa_1 = kappa_2 = 0. A nonlinear beam also vibrates at two and three times the frequency of the first mode. These
+harmonics are fitted too.
 
 The signals are linear functions of the amplitudes a_k and of the coefficients of the baseline. These unknowns are
 therefore eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
@@ -51,8 +52,8 @@ class ModalFit:
     Attributes
     ----------
     signals : Signals
-        The signals of the ring-down, with n frames, r reduced signals and c channels. A channel is one coordinate of
-        one point.
+        The signals of the ring-down, in n frames: c channels (a channel is one coordinate of one point), and r reduced
+        signals (independent linear combinations of the channels).
     modes : ndarray, shape (m, 2)
         For each mode ln omega (omega in rad/s) and the loss factor 2 delta / omega.
     bend : ndarray, shape (2,)
@@ -63,8 +64,8 @@ class ModalFit:
     chi2 : float
         Sum of the squared residuals.
     noise : float
-        Standard deviation of ``residuals`` near the frequency of the first mode, or of all ``residuals`` if that is
-        larger.
+        The larger of two numbers: the standard deviation of ``residuals`` near the frequency of the first mode, and
+        that of all ``residuals``.
     covariance : ndarray
         Covariance matrix of the entries of ``modes`` and ``bend`` that were fitted.
     residuals : ndarray, shape (n, r)
@@ -87,7 +88,7 @@ class ModalFit:
 
     @staticmethod
     def first_of(signals: Signals, frequency: float) -> ModalFit:
-        """Fit one damped vibration near a frequency in Hz."""
+        """Fit one damped vibration, with a frequency near ``frequency`` (Hz), to the signals of a ring-down."""
         start = np.array([np.log(2 * np.pi * frequency), 0.0])
         values = [_misfit(signals, np.array([start[0], loss])) for loss in _LOSSES]
         start[1] = _LOSSES[int(np.argmin(values))]
@@ -147,7 +148,7 @@ class ModalFit:
     def vibration_mm(self, which: int | None = None) -> Array:
         """Return the fitted vibrations in n frames and c channels (coordinates of points), (n, c) in mm.
 
-        which: number of the mode, from 0; None: the sum of all modes and of their harmonics.
+        which: index of the mode, counted from 0; None: the sum of all modes and of their harmonics.
         """
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
@@ -170,7 +171,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with its largest vibration as the first mode."""
+        """Return the fit with the largest of its vibrations near the first frequency as the first vibration."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -223,11 +224,12 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 
 
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
-    """Return the complex exponent psi of a mode at n times, (n,): the mode vibrates as Re(a exp(psi)).
+    """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    time: seconds since the first frame. mode: ln omega (omega: angular frequency in rad/s) and the loss factor at small
-    amplitudes. bend: relative increase of the frequency, and half of the increase of the loss factor, at the first
-    frame; empty if both are 0.
+    time: seconds since the first frame, (n,). mode: ln omega (omega: angular frequency in rad/s) and the loss factor,
+    both at small amplitudes. bend: two numbers kappa_1 and kappa_2, or empty if both are 0. At the first frame, the
+    frequency is 1 + kappa_1 times the frequency at small amplitudes, and the loss factor is larger by 2 kappa_2; both
+    changes decrease with the square of the amplitude.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -239,11 +241,11 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 
 
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
-    """Return the functions of time whose linear combinations are fitted to the signals, one in each column.
+    """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    time: seconds since the first frame, (n,). modes: ln(angular frequency in rad/s) and loss factor in each row. bend:
-    relative increase of the first frequency, and half of the increase of its loss factor, at the first frame; empty if
-    both are 0.
+    time: seconds, (n,). modes: ln(angular frequency in rad/s) and loss factor of one vibration in each row, at small
+    amplitudes. bend: two numbers kappa_1 and kappa_2, or empty if both are 0. At the first frame, the frequency of the
+    first vibration is 1 + kappa_1 times its frequency at small amplitudes, and its loss factor is larger by 2 kappa_2.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
@@ -280,14 +282,17 @@ def _baseline(time: Array, frequency: float) -> Array:
 
 
 def _misfit(signals: Signals, mode: Array) -> float:
-    """Return the sum of the squared residuals of a fit with one mode whose frequency and loss factor are given."""
+    """Return the sum of the squared residuals of a fit with one vibration of known frequency and loss factor.
+
+    mode: ln(angular frequency in rad/s) and the loss factor.
+    """
     orthogonal, _ = np.linalg.qr(design_matrix(signals.time_s, mode[None], np.zeros(0)))
     inner = orthogonal.T @ signals.reduced
     return float((signals.reduced**2).sum() - (inner**2).sum())
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise with the power of the residuals near a frequency.
+    """Return the standard deviation of white noise that has the same power near a frequency as the residuals.
 
     residuals: the residuals of r signals in n frames, (n, r); frequency: in Hz.
     """

@@ -55,7 +55,7 @@ class ModulusAt:
 
 @dataclass(frozen=True)
 class RingDown:
-    """The result for a ring-down (a free vibration): frequency, loss factor, time windows, and a curve.
+    """The result for a ring-down (a free vibration): frequency, loss factor, and the displacement over time.
 
     Attributes
     ----------
@@ -346,13 +346,13 @@ def _standard(count: int) -> Array:
 
 
 def _factors(count: int, small: Sequence[SmallEffect]) -> Array:
-    """Return ``count`` normal random factors on the modulus that stand for the uncertainty due to the small effects."""
+    """Return random factors on the modulus, (count,), that represent its uncertainty due to small effects."""
     total = np.sqrt(sum(effect.modulus_percent**2 for effect in small)) / 100
     return np.asarray(1 + total * _standard(count + 1)[:count])
 
 
 def _interval(value: float, drawn: Array) -> tuple[float, float]:
-    """Return the 95 % interval of random draws of a quantity, extended so that it contains the best value."""
+    """Return the 95 % interval of random draws of a quantity, extended if necessary so that it contains ``value``."""
     low, high = np.quantile(drawn[np.isfinite(drawn)], [0.025, 0.975])
     return float(min(low, value)), float(max(high, value))
 

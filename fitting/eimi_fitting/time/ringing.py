@@ -1,20 +1,20 @@
-"""The frequencies and loss factors of a specimen's vibrations, as functions of shear modulus and relaxation.
+"""The frequencies and loss factors of a specimen's free vibrations, as functions of its viscoelastic law.
 
-A fit needs these functions for many candidate laws. They are therefore computed once as a table and interpolated. Two
-moduli matter:
+A fit needs these functions for many candidate laws. The vibrations are therefore computed for a few moduli and
+interpolated. Two moduli matter:
 
-- The equilibrium modulus is the shear modulus with which the static equilibrium is computed. The modes
+- The equilibrium modulus is the shear modulus with which the beam at rest under its loads is computed. The modes
   (`beam.vibration`) are computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus.
-- A vibration is proportional to exp(s t) with the complex rate s. Its modulus is the equilibrium modulus times a
-  complex ratio r(s), and s follows from s² = -lambda(r(s)). Here lambda(r) is the eigenvalue of a mode for the ratio r;
-  for a real r it is the squared angular frequency. It is computed for a few real ratios r. The values of lambda/r are
-  interpolated by a polynomial in 1/r, which then gives lambda for any complex r.
+- In a vibration exp(s t) with the complex rate s, a viscoelastic material has the equilibrium modulus times a complex
+  ratio r(s), which follows from the Prony series of the law. If r were a real constant, a mode would have a squared
+  angular frequency lambda(r). It is computed for a few real values of r, and lambda/r is interpolated by a polynomial
+  in 1/r. The polynomial then gives lambda for complex r. The rate s is the solution of s² = -lambda(r(s)).
 
-The modes are computed with a planar model and corrected by three factors, because the solid model is more accurate. The
-first factor multiplies the equilibrium modulus, so that the planar model bends like the solid model. The second
-multiplies the ratio r of a mode, and the third the eigenvalue of the mode. These two are chosen so that the mode has
-the frequency of the solid model at two values of r. The solid model has a coarse mesh. What a finer mesh changes is
-computed with the planar model. All factors are computed once, at the middle of the equilibrium moduli.
+The modes are computed with a planar model. If the section of the specimen is solid, a three-dimensional model is more
+accurate, and three factors correct the planar model. The first factor multiplies the equilibrium modulus, so that the
+planar beam bends like the three-dimensional beam. For each mode, a second factor multiplies r and a third one lambda,
+so that lambda(0.9) and lambda(1.2) are those of the three-dimensional model. This model has a coarse mesh; the effect
+of a finer mesh is computed with planar models. All factors are computed once, at the middle of the equilibrium moduli.
 """
 
 from __future__ import annotations
@@ -60,16 +60,17 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 
 
 class RingTable:
-    """The frequencies and decay rates of a specimen for any viscoelastic law near a given modulus.
+    """A table of the frequencies and decay rates of a specimen's free vibrations, for many viscoelastic laws.
 
-    The equilibrium modulus is the shear modulus with which the equilibrium under the loads is computed.
+    The equilibrium modulus of a law is the shear modulus with which the beam at rest under its loads is computed. The
+    table has equilibrium moduli from half of ``middle_Pa`` to twice ``middle_Pa``.
 
     Parameters
     ----------
     beam : RingingBeam
         The specimen under its loads.
     middle_Pa : float
-        The middle of the equilibrium moduli for which the modes are computed.
+        Geometric mean of the equilibrium moduli of the table.
 
     Raises
     ------
@@ -109,14 +110,14 @@ class RingTable:
         Parameters
         ----------
         log_modulus : ndarray, shape (P,)
-            Logarithm of the equilibrium modulus in Pa.
+            Logarithm of the equilibrium modulus of each law in Pa, with which the beam at rest is computed.
         ratio : callable
             The function r(s): takes rates s (P, count), and returns the complex modulus divided by the equilibrium
             modulus.
         count : int
             Number of modes, at most 3.
         load_log : ndarray, shape (P,), optional
-            Logarithm of a factor on the magnetic loads.
+            Logarithm of a factor on the magnetic loads for each law.
         """
         softer = float(np.log(self.planar_over_solid_modulus))
         inside = np.clip(log_modulus + softer, *np.log(self.range_Pa))
@@ -133,10 +134,11 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return the function that computes squared angular frequencies of the planar model, (P, count).
+        """Return a function that computes squared angular frequencies of the planar model, (P, count) in 1/s².
 
-        Its argument is the modulus in the vibration divided by the equilibrium modulus, (P, count). log_modulus:
-        logarithms of P equilibrium moduli, (P,). load_log: logarithms of P factors on the magnetic loads, (P,).
+        The argument of the function is the modulus in the vibration divided by the equilibrium modulus, (P, count), for
+        P laws. log_modulus: logarithms of the P equilibrium moduli, (P,). load_log: logarithms of P factors on the
+        magnetic loads, (P,).
         """
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
@@ -149,17 +151,19 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors that give three planar modes of vibration the frequencies of the solid model, two arrays (3,).
+        """Factors that give three planar modes the frequencies of a more accurate beam model, two arrays (3,).
 
-        The first factor of a mode multiplies the shear modulus of the beam, and the second the squared frequency.
+        The first array has a factor on the shear modulus in the vibration for each mode, the second a factor on the
+        squared frequency.
         """
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(squared angular frequency) of three planar modes at two moduli, (3, 2).
+            """Return ln(squared angular frequency) of three planar modes for two shear moduli in the vibration, (3, 2).
 
-            log_factors: for each mode, the logarithm of a factor on the modulus in the vibration.
+            The moduli are 0.9 and 1.2 times the modulus of the beam at rest, multiplied by exp(log_factors) for each
+            mode.
             """
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
@@ -175,12 +179,19 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of the solid model, divided by those of the planar model, (3,)."""
+        """The three lowest frequencies of a more accurate model, divided by those of the planar model, (3,).
+
+        The more accurate model is three-dimensional for a solid section, and planar with a finer mesh for other
+        sections.
+        """
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The factor on the modulus with which the planar model bends as far as the solid model."""
+        """The factor on the modulus with which the planar model bends as far as a three-dimensional model.
+
+        It is 1 if the section is not solid.
+        """
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
@@ -213,10 +224,12 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Three comparisons of the solid model with the planar model: frequencies, modulus, and squared frequencies.
+        """Frequencies and bending of a more accurate beam model, compared with the planar model, in a tuple.
 
-        They are: three frequencies divided by those of the planar model, (3,); the factor on the modulus with which the
-        planar model bends as far; squared angular frequencies of three modes at two moduli, (3, 2) in 1/s².
+        The first element has the three lowest frequencies, divided by those of the planar model, (3,). The second is
+        the factor on the modulus with which the planar model bends as far. The third has the squared angular
+        frequencies of three modes in 1/s², (3, 2), for two moduli in the vibration: 0.9 and 1.2 times the modulus of
+        the beam at rest.
         """
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
@@ -246,21 +259,24 @@ class RingTable:
         return np.asarray(ratio), float(np.exp(stiffer)), _eigenvalues(better) * factors
 
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
-        """Return how a finer mesh across the beam would change the solid model: its frequencies and its bending.
+        """Return the changes of the squared frequencies and of the bending by a finer mesh across the beam.
 
         Parameters
         ----------
         coarse : BeamModel
-            A planar model with the elements of the solid model along and across the beam.
+            A planar model with the coarse mesh of the solid model.
         parameters : ndarray, shape (1, n)
             The parameters of the law.
 
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Factors on the eigenvalues (squared angular frequencies) of three modes at two moduli.
+            Squared angular frequencies of three modes with the finer mesh, divided by those with the coarse mesh. The
+            modulus in the vibration is 0.9 and 1.2 times the modulus of the beam at rest. All are 1 if a model has no
+            equilibrium.
         turn_deg : float
-            Change of the rotation of the tip in degrees. The results are 1 and 0 if a planar model has no equilibrium.
+            Rotation of the tip in degrees with the finer mesh, minus the rotation with the coarse mesh; 0 if a model
+            has no equilibrium.
         """
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
         squares, turned = [], []
@@ -319,9 +335,9 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the squared angular frequencies of three modes at two moduli, (3, 2) in 1/s².
+    """Return the squared angular frequencies of three modes for two shear moduli in the vibration, (3, 2) in 1/s².
 
-    The moduli in the vibration are 0.9 and 1.2 times the static modulus.
+    The moduli are 0.9 and 1.2 times the modulus of the beam at rest.
     """
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
@@ -345,9 +361,9 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert a variable, -1 < x <= 1, to the modulus in a vibration divided by the equilibrium modulus.
+    """Convert a variable x, -1 < x <= 1, to the modulus in a vibration divided by the modulus of the beam at rest.
 
-    The frequencies are interpolated by polynomials in this variable.
+    The squared frequencies are interpolated by polynomials in x.
     """
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 

@@ -57,7 +57,7 @@ class RingingBeam:
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
-        """Return the small vibrations of a beam model of the specimen, including the weight that hangs at the tip."""
+        """Return the `Vibration` of a beam model, which computes its modes with the weight that hangs at the tip."""
         gravity = self.loads.gravity[0]
         size = float(np.linalg.norm(gravity))
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)
@@ -85,7 +85,7 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the same beam and loads with errors of uncertain inputs, such as the width.
+        """Return the same beam under the same loads, with errors of uncertain inputs, such as the width.
 
         deviations: the errors by the names of the inputs.
         """

@@ -1,8 +1,8 @@
-"""The evidence of slow motions for a viscoelastic law: residuals of creep and of static states.
+"""The residuals of creep and of shapes at rest, to which a viscoelastic law is fitted.
 
 Both are computed by the method of `time.loaded_creep`, which gives the rotation of the tip over time under loads that
-change. All recordings are computed together, because this hardly takes longer than one of them. The module
-`time.evidence` explains the candidates and their residuals.
+change. All recordings are computed together, because this takes hardly longer than one recording. The module
+`time.evidence` explains the candidate laws and the residuals.
 """
 
 from __future__ import annotations
@@ -38,14 +38,16 @@ class LoadHistory:
     Attributes
     ----------
     steps : tuple of LoadStep
-        The loads in the order of time. Each begins at its own time.
+        The loads in the order of time, each with the time at which it begins.
     """
 
     steps: tuple[LoadStep, ...]
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the loads in K states over time, with the moment of each as a function of the rotation of the tip.
+        """Return the loads in K states over time, each as a moment that depends on the rotation of the tip.
+
+        The moments are computed from static equilibria of the beam with seven shear moduli.
 
         Parameters
         ----------
@@ -91,7 +93,7 @@ def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The slow rotation of the tip after a step of the load, as evidence (residuals) for a viscoelastic law.
+    """The measured slow rotation of the tip after a step of the load, which a viscoelastic law must explain.
 
     The rotation is measured up to an unknown constant.
 
@@ -99,14 +101,16 @@ class CreepEvidence:
     ----------
     history : LoadHistory
         The loads over time.
-    time_s, rotation, sigma, squares : ndarray, shape (k,)
-        Times after the step, rotation of the tip in rad at these times, standard uncertainty of the rotation, and
-        squared amplitude of the vibration in rad².
+    time_s, rotation, sigma : ndarray, shape (k,)
+        Times after the step, rotation of the tip in rad at these times, and its standard uncertainty.
+    squares : ndarray, shape (k,)
+        Squared amplitude of the free vibration after the step in rad². The vibration shifts the mean rotation of a bent
+        beam in proportion to this square.
     label : str
-        Origin of the recording, for messages.
+        Where the recording comes from, for messages.
     shown : tuple of ndarray, or None
-        A table of true rotations and of the rotations that are measured in their place, both in rad. None if the
-        measured rotations are the true ones.
+        Increasing true rotations in rad, and the rotations in rad that would be measured in their place. None if both
+        are equal.
     """
 
     history: LoadHistory
@@ -130,14 +134,19 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad."""
+        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad.
+
+        load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
+        """
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the residuals of the creep for P candidate laws, (P, k + 1), from the computed rotations of the tip.
+        """Return the deviations of computed from measured rotations of the tip for P candidate laws, (P, k + 1).
 
-        true: the computed rotations at the k times of the recording, (P, k) in rad.
+        Each is divided by its standard uncertainty. true: the computed rotations at the k times of the recording, (P,
+        k) in rad. Two unknown parts of the measured rotation are eliminated from the deviations: a constant, and the
+        shift by the free vibration. The prior of this shift adds the last column.
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -160,7 +169,7 @@ class CreepEvidence:
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus of an elastic fit to shapes at rest, as evidence (one residual) for a viscoelastic law.
+    """The shear modulus of an elastic fit to shapes at rest, which a viscoelastic law must explain (one residual).
 
     Attributes
     ----------
@@ -195,7 +204,7 @@ class StaticEvidence:
 
     @cached_property
     def orders(self) -> tuple[NDArray[np.intp], ...]:
-        """For each run, the numbers of its states in the order in which their edges were measured."""
+        """For each run, the indices of its states in the order in which their edges were measured."""
         return tuple(np.argsort(seen_s) for _, seen_s in self.runs)
 
     @property
@@ -204,15 +213,19 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that a fit without relaxation would find for P viscoelastic laws, (P,)."""
+        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,).
+
+        load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
+        """
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
-        """Return ln(modulus), the mean of ln(moment of the load / rotation of the tip) over the static states, (P,).
+        """Return ln(modulus in Pa) of the elastic beam whose tip would rotate like that of a viscoelastic beam, (P,).
 
-        The moment is in Pa rad (divided by a constant of the beam in m³). rotations: for each run, the rotations of the
-        tip for P candidate laws, (P, states) in rad.
+        rotations: for each run, the rotations of the tip in its static states for P laws, (P, states) in rad. The
+        result is a mean over the states. The modulus of an elastic beam is the moment of the loads divided by the
+        rotation; the moment has the unit Pa rad because it is divided by a constant of the beam in m³.
         """
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
@@ -228,18 +241,19 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the deviation of ln(modulus) from its measured value for P candidate laws, (P, 1).
+        """Return the deviation of ln(modulus) of an elastic fit from its measured value for P candidate laws, (P, 1).
 
-        It is divided by its standard uncertainty. rotations: for each run, the rotations of the tip when its states
-        were measured, (P, states) in rad.
+        It is divided by its standard uncertainty. rotations: for each run, the computed rotations of the tip at the
+        times at which its states were measured, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual if uncertain inputs, such as the width, change by their uncertainties.
+        """Return the changes of the residual if one uncertain input, such as the width, changes by its uncertainty.
 
-        sources: the standard uncertainties of the inputs, by name.
+        sources: the standard uncertainties of the inputs, by name. The result has an array (components, 1) for each
+        input that changes.
         """
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
@@ -278,14 +292,14 @@ class StaticEvidence:
 
 
 class SlowEvidence:
-    """The evidence of all recordings of creep and of the static states together.
+    """All recordings of creep and the shapes at rest, which a viscoelastic law must explain.
 
     Parameters
     ----------
     creeps : sequence of CreepEvidence
         The recordings of creep.
     static : StaticEvidence or None
-        The static states, if there are any. Either creep or static states are needed.
+        The shapes at rest, if there are any. Either creep or shapes at rest are needed.
     """
 
     def __init__(self, creeps: Sequence[CreepEvidence], static: StaticEvidence | None) -> None:
@@ -295,9 +309,10 @@ class SlowEvidence:
         )
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of every recording of creep, and of the static states, for P candidate laws.
+        """Return the k residuals of all recordings of creep and of the shapes at rest for P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty.
+        Each is divided by its standard uncertainty. load_log: for each law, the logarithm of a factor on the magnetic
+        loads.
         """
         rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
         rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
@@ -306,9 +321,10 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residuals if uncertain inputs, such as the width, change by their uncertainties.
+        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
-        sources: the standard uncertainties of the inputs, by name.
+        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
+        input that changes.
         """
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:

@@ -83,7 +83,7 @@ def shown_rotations(
     rest_mm : ndarray, shape (p, 2)
         Positions (x, y) of the points at rest.
     signals : Signals
-        All frames after the step.
+        The measured coordinates in all frames after the step of the load.
     per_rad_mm : ndarray, shape (p, 2)
         Displacements of the p points for a rotation of the tip by one rad, by which the measured displacements are
         divided.
@@ -112,7 +112,7 @@ def shown_rotations(
 
 
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
-    """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam late in the recording.
+    """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam in the recorded frames.
 
     The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
 
@@ -147,7 +147,7 @@ def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) ->
 
 
 def _places(beam: RingingBeam, rest_mm: Array) -> Array:
-    """Return p points (x, y) of the beam at rest, (p, 2); a point outside the beam is moved to the nearest inside."""
+    """Return the positions (x, y) of p points at rest, (p, 2); points outside the beam are moved to its edge."""
     grid = beam.planar().grid
     straight = grid.straightened(np.clip(rest_mm, [0.0, -np.inf], [beam.specimen.length_mm, np.inf]))
     half = 0.5 * grid.strip.straight.width_mm
@@ -157,14 +157,16 @@ def _places(beam: RingingBeam, rest_mm: Array) -> Array:
 def slow_rotations(
     motion: Motion, signals: Signals, decay: Decay | None, per_rad_mm: Array
 ) -> tuple[Array, Array, Array, Array] | None:
-    """Return the rotation of the tip after a step of the load, up to a constant, at logarithmically spaced times in s.
+    """Return the rotation of the tip after a step of the load, averaged over time intervals, without vibrations.
+
+    The rotations contain an unknown constant. The intervals are equally long in the logarithm of the time.
 
     Parameters
     ----------
     motion : Motion
         The recorded motion.
     signals : Signals
-        All frames after the step.
+        The measured coordinates in all frames after the step.
     decay : Decay or None
         The vibrations in the recording; None if no vibration was found in it.
     per_rad_mm : ndarray, shape (p, 2)
@@ -173,8 +175,8 @@ def slow_rotations(
     Returns
     -------
     tuple of ndarray, or None
-        Times, rotations, standard uncertainties of the rotations (rad), and squared amplitudes of the subtracted
-        vibration (rad²). None if there are fewer than three intervals, or if no point moves.
+        For each interval: time in s, rotation in rad, its standard uncertainty in rad, and the squared amplitude of the
+        subtracted vibration in rad². None if there are fewer than three intervals, or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
@@ -207,7 +209,7 @@ def slow_rotations(
 
 
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
-    """Return times (s) and the squared amplitudes of the fitted vibration at these times, as rotations in rad².
+    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration at these times.
 
     gain: for each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
     """
@@ -220,10 +222,11 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return times, rotations of the tip and remaining vibrations of the n frames that show the slow motion, (n,) each.
+    """Return times, slow rotations of the tip, and the vibrations that remain in these rotations, (n,) each.
 
-    The times are in s, the other two in rad. decay: the fitted vibrations; None if no vibration was found. gain: for
-    each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
+    The n frames are those that show the slow motion. Times are in s, rotations and vibrations in rad. decay: the fitted
+    vibrations; None if no vibration was found. gain: for each coordinate of a point, the displacement for a rotation of
+    the tip by one rad, divided by the noise.
     """
     times = signals.time_s
 
@@ -245,10 +248,10 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the amplitude of the vibration in m later frames, (m,), as a root mean square rotation of the tip in rad.
+    """Return the vibration of the tip in m frames after the fitted frames, as root mean square rotations in rad, (m,).
 
-    gain: for each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
-    times_s: times of the m frames.
+    It is the fitted vibration, which continues to decay. gain: for each coordinate of a point, the displacement for a
+    rotation of the tip by one rad, divided by the noise. times_s: times of the m frames.
     """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
@@ -261,7 +264,10 @@ def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) 
 
 
 def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
-    """Return the size of a vibration in n frames, which are too few to fit it: root mean square rotations in rad, (n,).
+    """Estimate the vibration in n frames to which none could be fitted, as root mean square rotations in rad, (n,).
+
+    The vibration is an error of the measured slow rotation. It is assumed to decay exponentially, and is 0 for fewer
+    than 8 frames.
 
     Parameters
     ----------

@@ -1,17 +1,17 @@
-"""The vibration of a beam from which a weight hangs that swings like a pendulum.
+"""The vibration of a beam with a hanging weight that swings like a pendulum.
 
 A weight on a thread exchanges energy with the beam, most of all if it swings at about the frequency of the beam or at
 half of this frequency. There are then two vibrations of almost equal frequency, and neither of them has the frequency
 that the beam would have if the weight did not swing. This module computes this frequency from the two vibrations. Let y
 be the deflection of the tip, c y the sideways displacement of the upper end of the thread, and x that of the weight.
-Let m be the mass of the weight, and M the mass of the moving beam with the weight. Then
+Let m be the mass of the weight, M the mass of the moving beam with the weight, and g the acceleration of gravity. Then
 
     M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,    w = g / length of the thread,
 
 where k is the complex stiffness of the beam. The squares lambda_1 and lambda_2 of the complex angular frequencies are
 the eigenvalues of a symmetric matrix with the determinant w k / M. Only the beam loses energy, the weight does not. The
 share of the beam in the kinetic energy of vibration i is therefore p_i = Im lambda_i / (Im lambda_1 + Im lambda_2). The
-eigenvalues thus give the two numbers that are wanted:
+eigenvalues thus give the squared angular frequencies of the pendulum, w, and of the beam without a swing, k / M:
 
     w = p_2 Re lambda_1 + p_1 Re lambda_2,    k / M = lambda_1 lambda_2 / w.
 
@@ -85,9 +85,9 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
     Returns
     -------
     mode : ndarray, shape (2,)
-        Logarithm of the angular frequency, and loss factor.
+        ln(angular frequency in rad/s), and loss factor.
     covariance : ndarray, shape (2, 2)
-        Covariance matrix of these two numbers.
+        Covariance matrix of these two quantities.
     """
     at = two.modes.ravel()
     mode = _alone(at)
@@ -109,7 +109,7 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 
 
 def _shares(modes: Array) -> Array:
-    """Return the part of the energy of each of two vibrations that is in the beamand not in the swinging weight, (2,).
+    """Return the fraction of the kinetic energy that is in the beam, not in the weight, for two vibrations, (2,).
 
     modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
     """

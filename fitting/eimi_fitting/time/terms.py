@@ -48,9 +48,10 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the logarithms of the long-term modulus, the n relative moduli and the n relaxation times.
+        """The prior means of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,).
 
-        The shape is (1 + 2 n,) for n terms of a Prony series.
+        The unknowns are ln(long-term modulus), then for each term ln(modulus / long-term modulus), then for each term
+        ln(relaxation time).
         """
         low, high = np.log(self.range_s)
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
@@ -58,9 +59,10 @@ class Terms:
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n logarithms of moduli and relaxation times, (1 + 2 n,).
+        """The prior standard deviations of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,).
 
-        There are n terms in the Prony series.
+        The unknowns are ln(long-term modulus), then for each term ln(modulus / long-term modulus), then for each term
+        ln(relaxation time).
         """
         low, high = np.log(self.range_s)
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
