@@ -1,9 +1,9 @@
-"""Everything that a fit of a hyperelastic law compares: measured data, unknowns, uncertain inputs, and the objective.
+"""The parts of a fit of a hyperelastic law: measured data, unknowns, uncertain inputs, and the objective.
 
 measurements      measured edges and tracked points, and their distances from the simulated beam
 tensile_curves    tensile curves that are fitted together with the edges
 experiment        one specimen with its loads and measurements, and the comparison of simulations with measurements
-sources           the inputs whose uncertainty a file may specify, such as the width of the specimen
+sources           the inputs of a simulation whose uncertainty a file may specify, such as the width of the specimen
 parameter_priors  normal priors on the law's parameters
 polarity          the uncertain inputs that can be fitted if the field was measured in both directions
 unknowns          the unknowns of a fit: the parameters of the law and the uncertain inputs that are fitted with them

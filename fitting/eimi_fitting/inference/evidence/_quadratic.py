@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
-    """Return the step from a point in the unit cube to the smallest value of a quadratic function in this cube.
+    """Return the step from a point in the unit cube to the minimum of a quadratic function in this cube.
 
     The step d minimises g' d + d' H d / 2, where g is the gradient of the function at the point and H its Hessian.
 

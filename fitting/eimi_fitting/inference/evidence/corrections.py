@@ -59,8 +59,8 @@ class Refinement:
     better : callable
         Takes an experiment and returns the experiment with the more exact model.
     remaining_share : float
-        Estimated error of the more exact model. It is the error of the fitted parameters divided by their change from
-        the fast to the more exact model.
+        Estimated error of the fitted parameters with the more exact model, divided by their change from the fast to the
+        more exact model.
     doubt : str
         Text of the warning about a fit for which the solver of the more exact model finds no equilibrium.
     """
@@ -101,7 +101,8 @@ def _solid(experiment: Experiment) -> Experiment:
 def polished(experiment: Experiment) -> Experiment:
     """Return the experiment with the planar mesh that the Gauss-Newton steps at the end of a fit use.
 
-    For a solid section, this is the planar mesh that belongs to the three-dimensional model.
+    For a solid section, this is the planar mesh that belongs to the three-dimensional model. Otherwise the mesh stays
+    the same.
     """
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment

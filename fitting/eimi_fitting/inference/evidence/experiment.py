@@ -1,4 +1,4 @@
-"""Describe an experiment with its loads and measurements, and compare simulations with different laws with it."""
+"""Describe an experiment by its loads and measurements, and compare simulations of it with the measurements."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = of_nearest(middle)
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
-    def at(xi: Array) -> tuple[Array, Array, Array, Array]:
+    def gap_and_tangent(xi: Array) -> tuple[Array, Array, Array, Array]:
         """Return the vector from each point to the curve at the parameter ``xi`` of its segment, and the tangent there.
 
         The four arrays are x and y of the vector, then x and y of the tangent.
@@ -116,11 +116,11 @@ def _signed_distance(curves: Array, points: Array) -> Array:
 
     # Newton's method: the vector to the point becomes perpendicular to the curve
     for _ in range(3):
-        gap_x, gap_y, tangent_x, tangent_y = at(xi)
+        gap_x, gap_y, tangent_x, tangent_y = gap_and_tangent(xi)
         curvature = tangent_x**2 + tangent_y**2 + gap_x * bend_x + gap_y * bend_y
         step = (gap_x * tangent_x + gap_y * tangent_y) / np.maximum(curvature, 1e-12)
         xi = np.clip(xi - step, lowest, highest)
-    gap_x, gap_y, tangent_x, tangent_y = at(xi)
+    gap_x, gap_y, tangent_x, tangent_y = gap_and_tangent(xi)
     size = np.maximum(np.hypot(tangent_x, tangent_y), 1e-12)
     across, along = (tangent_y * gap_x - tangent_x * gap_y) / size, (tangent_x * gap_x + tangent_y * gap_y) / size
     is_at_end = ((segment == 0) & (xi <= -1.0)) | ((segment == segments - 1) & (xi >= 1.0))

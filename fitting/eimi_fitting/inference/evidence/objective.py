@@ -104,11 +104,10 @@ class Evaluation:
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals whose weighted squares the Gauss-Newton steps of a fit minimise, in mm.
+        """The residuals in mm whose weighted squares the Gauss-Newton steps of a fit minimise.
 
-        There is one element for each experiment, and one for tensile curves and priors if there are any. Their
-        residuals have no unit. They are multiplied by a length, so that their weight is about the same as in the
-        objective.
+        There is one element for each experiment. If there are tensile curves or priors, one more element contains their
+        standardised residuals, multiplied by a length that gives them about the same weight as in the objective.
         """
         standardised = self.standardised
         p, m = standardised.shape

@@ -21,7 +21,7 @@ _OPPOSITE = 0.2  # share of the strongest field that a field of the other polari
 
 
 def has_both_polarities(loads: Loads) -> bool:
-    """Return whether the field in at least one load case points against the strongest field."""
+    """Return whether the field of a load case opposes the strongest field, with more than a fifth of its strength."""
     strongest = loads.field_T[np.argmax((loads.field_T**2).sum(axis=1))]
     return bool((loads.field_T @ strongest).min() < -_OPPOSITE * float(strongest @ strongest))
 

@@ -41,7 +41,7 @@ class Source:
     parts : tuple of str
         Names of the components in a result.
     unit : str
-        Unit of all components; ``"1"`` for a share of the specified value.
+        Unit of all components; ``"1"`` for a relative deviation from the specified value.
     largest : float
         Largest standard deviation that is accepted, in ``unit``.
     usual : float

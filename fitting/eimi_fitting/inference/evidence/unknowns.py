@@ -238,12 +238,12 @@ def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[Share
 def nuisances(
     priors: Sequence[NuisancePrior], datasets: int, stated: Sequence[Sequence[StatedSource]] | None = None
 ) -> tuple[Nuisance, ...]:
-    """Return the deviations of uncertain inputs that are fitted together with the law, one unknown for each.
+    """Return the deviations of uncertain inputs from their specified values, as unknowns of a fit.
 
     Parameters
     ----------
     priors : sequence of NuisancePrior
-        The inputs that the fit determines, with their prior standard deviations.
+        The inputs that are fitted together with the law, with their prior standard deviations.
     datasets : int
         How many datasets the fit has.
     stated : sequence of sequence of StatedSource, optional
@@ -295,7 +295,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """How many unknowns are no deviations of inputs: those of the law, and the bulk modulus if it is unknown."""
+        """How many unknowns the first search varies: those of the law, and the bulk modulus if it is unknown."""
         return len(self.space.names)
 
     @property
@@ -316,7 +316,7 @@ class Unknowns:
     def prior(self) -> Array:
         """The inverse prior variance of each of the n scaled unknowns, shape (n,).
 
-        The prior of a parameter of the law has the variance of a uniform distribution between the bounds of the search.
+        The prior of an unknown of the law has the variance of a uniform distribution between the bounds of the search.
         """
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         # the coordinate of an uncertain input covers 2 RANGE prior standard deviations
@@ -378,7 +378,7 @@ class Unknowns:
         return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group sets of unknowns, so that distance and tilt of the camera's lens are the same in each group.
+        """Group sets of unknowns so that distance and tilt of the camera's lens are the same in each group.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """One component of an uncertain input, such as x of the clamp, and the change of the residuals by its uncertainty.
+    """One component of an uncertain input, such as x of the clamp, and the change of the residuals by an error of it.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class ConsideredSources:
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
     """Return the inputs with a specified uncertainty that are not fitted together with the law.
 
-    Their uncertainties widen the intervals of the result.
+    Their uncertainties widen the intervals of the result. An input with the same effect as a fitted input is omitted.
     """
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     # A fitted input also accounts for inputs with the same effect.
@@ -295,7 +295,7 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """The changes of the best values of n unknowns by S uncertain inputs, and by the bounds of the search.
+    """Changes of the best values of n unknowns: by errors of S inputs, and by removing the bounds of the search.
 
     Parameters
     ----------
@@ -303,8 +303,9 @@ class Steps:
         Change of the best values for an error of each input of one standard uncertainty. The values are scaled so that
         the bounds of the search are 0 and 1.
     held : ndarray, shape (n,)
-        Change of the best values if the bounds of the search were removed, scaled in the same way and limited to two
-        standard deviations of an unknown. Zero if no unknown lies on a bound, or if S = 0.
+        Change of the best values if the bounds of the search were removed, scaled in the same way. It is reduced so
+        that no unknown moves by more than two standard deviations beyond its bound. Zero if no unknown lies on a bound,
+        or if S = 0.
     """
 
     sizes: Array

@@ -1,4 +1,4 @@
-"""Linearise the residuals of a fit (of edges, tensile curves and priors) about the optimum, and compute its covariance.
+"""Compute the covariance of the optimum of a fit, from residuals that are linearised there.
 
 Load case k has N_k points. Its residuals r_k have the root mean square e_k and the derivatives (slopes) J_k = dr_k/dx
 in the unknowns x. K is the number of load cases, e the mean of the errors e_k, and N the number of independent points
@@ -75,7 +75,7 @@ class LinearStates:
     def score_variance(self, observed: Observation) -> Array:
         """Return the covariance matrix (n, n) of the gradient of this experiment's log-likelihood in the n unknowns.
 
-        The correlation of neighbouring residuals increases it.
+        It includes the correlation of neighbouring residuals.
         """
         if isinstance(observed, EdgeObservation):
             # sum over the states of tau w^2 e^2 J'J: weight w, error e, slopes J, and tau points as one independent

@@ -220,7 +220,7 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors of the n unknowns, because C beam models, such as a finer mesh, are not exact.
+    """Return 95 % bounds of the errors of the n unknowns due to C inexact beam models, such as a finer mesh.
 
     Returns
     -------

@@ -34,7 +34,7 @@ class Direction:
     Parameters
     ----------
     words : str
-        Names of the unknowns that the combination contains.
+        Description such as "a with b against c": a and b increase together while c decreases.
     remaining : float
         Standard deviation after the fit, divided by the standard deviation before the fit; between 0 and 1.
     """
@@ -81,7 +81,7 @@ class Identifiability:
         Sum of the squared deviations of the uncertain inputs from their specified values, in standard uncertainties, if
         all of them are fitted together with the law.
     model_mm : float
-        Mean standard deviation of the remaining error of the beam model in mm; 0 if no uncertain input is specified.
+        Mean standard deviation of the remaining error of the beam model in mm; 0 if no file specifies an uncertainty.
     """
 
     statement: str
@@ -177,14 +177,14 @@ def statement(
     modulus: Quantity,
     priors: bool = False,
 ) -> str:
-    """Return a summary in a few sentences of the unknowns that the data determine.
+    """Return a few sentences that say which unknowns of a fit the data determine.
 
     Parameters
     ----------
     names : sequence of str
         Names of all n unknowns; those of the law come first.
     law_coordinates : int
-        Number of unknowns of the law.
+        How many of the unknowns belong to the law.
     not_fixed : sequence of str
         Names of the law's unknowns that the data do not determine.
     correlation : ndarray, shape (n, n)
@@ -192,7 +192,7 @@ def statement(
     eigen : sequence of Direction
         Combinations of unknowns with independent errors, the best determined first.
     ratios : sequence of str
-        Names of fitted inputs that scale the magnetic load.
+        Names of fitted inputs that multiply the magnetic load.
     remaining : sequence of float
         For each unknown, its standard deviation after the fit, divided by its standard deviation before the fit.
     modulus : Quantity
@@ -203,7 +203,7 @@ def statement(
     Returns
     -------
     str
-        The summary.
+        The sentences.
     """
     law_names = names[:law_coordinates]
     data = "These data" if len(law_names) == len(names) and not priors else "These data and the given priors"

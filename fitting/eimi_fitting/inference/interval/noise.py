@@ -74,10 +74,10 @@ class Effect:
     moved : ndarray, shape (n,)
         Change of the best values, scaled so that the bounds of the search are 0 and 1.
     share : float, optional
-        Estimated error of the more exact model, as a share of ``moved``; by default the share that the correction
-        contains for this kind of model.
+        Estimated error of the best values with the more exact model, as a share of ``moved``. By default it is the
+        usual share for this kind of model, which ``correction`` contains.
     least_percent : float
-        Smallest 95 % bound of the remaining error of the modulus, in per cent.
+        Lower limit of the 95 % bound of the remaining error of the modulus, in per cent.
     """
 
     correction: Correction
@@ -114,7 +114,7 @@ class Noise:
     mean_model_mm: float = 0.0
 
     def not_considered(self, problem: Problem) -> tuple[str, ...]:
-        """Return one sentence for each uncertain input whose effect the intervals do not contain, as warnings."""
+        """Return one warning for each uncertain input whose effect the intervals do not contain, as a sentence."""
         return tuple(
             (
                 f"the intervals do not contain the uncertainty of the {SOURCES[group.source].words}: no equilibrium "
@@ -135,7 +135,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     optimum : Optimum
         The best values of the unknowns.
     effects : sequence of Effect
-        Corrections by more exact beam models; their remaining errors count besides the noise in the weights.
+        Corrections by more exact beam models. Their remaining errors reduce the weights of load cases.
 
     Returns
     -------
@@ -314,7 +314,7 @@ def _with_weights(problem: Problem, states: Sequence[LinearStates], model_mm: Se
 
 
 def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> list[Array]:
-    """Return the root mean square of noise and beam model's error in each load case, in mm, for each experiment."""
+    """Return the error of each load case in mm, from its residuals and the error of the beam model."""
     return [np.hypot(linear.error_mm, model) for linear, model in zip(states, model_mm, strict=True)]
 
 

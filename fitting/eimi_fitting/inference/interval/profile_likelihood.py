@@ -72,8 +72,8 @@ class _End:
     deviance, score : float and ndarray, shape (n,)
         Deviance at ``point``, and gradient of half the deviance (``score``).
     inside, outside : float
-        Largest distance from the optimum that is known to be inside the interval, and smallest distance known to be
-        outside, scaled as ``point``.
+        Distances of the unknown from its optimum, scaled as ``point``: the largest that is known to lie inside the
+        interval, and the smallest that is known to lie outside.
     """
 
     coordinate: int
@@ -186,7 +186,7 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the point with the smallest value of a quadratic function in the unit cube for a fixed coordinate ``i``.
+    """Return the minimum of a quadratic function in the unit cube if the coordinate ``i`` has the value ``to``.
 
     Parameters
     ----------
@@ -195,14 +195,14 @@ def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> A
     score, hessian : ndarray, shape (n,) and (n, n)
         Gradient and Hessian of the function at this point.
     i : int
-        Index of the fixed coordinate.
+        Index of the coordinate whose value is prescribed.
     to : float
-        Value of the fixed coordinate; limited to 0..1.
+        The prescribed value; limited to 0..1.
 
     Returns
     -------
     ndarray, shape (n,)
-        The point with the smallest value.
+        The point at which the function is smallest.
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]
