@@ -318,7 +318,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the changes of the best values of the unknowns by uncertain inputs, and by the bounds of the search.
+    """Return changes of the best values of the unknowns: by errors of inputs, and by removing the search's bounds.
 
     Parameters
     ----------
