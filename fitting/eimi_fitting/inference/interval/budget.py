@@ -1,7 +1,7 @@
 """Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
 An uncertain input is an input of the simulation with a specified standard uncertainty, such as the width of the beam.
-Let x be the best values of the unknowns, d_s their change for an error of input s of one standard uncertainty
+Let x be the fitted values of the unknowns, d_s their change for an error of input s of one standard uncertainty
 (`inference.interval.considered`), and mu(x) the initial shear modulus. The effect of the input is
 
     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
@@ -80,13 +80,13 @@ class Moves:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     noise : ndarray, shape (D, n)
         Errors due to noise, priors and the beam models, scaled as ``unit``.
     deviations : ndarray, shape (D, S)
         Random errors of the S uncertain inputs, in standard uncertainties.
     steps : Steps
-        The change of the best values for one standard uncertainty of each input.
+        The change of the fitted values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
         Errors for any other reason, scaled as ``unit``; 0 by default.
     """
@@ -98,7 +98,7 @@ class Moves:
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return D random draws of the n unknowns: the best values plus random errors.
+        """Return D random draws of the n unknowns: the fitted values plus random errors.
 
         A factor of 0 omits errors of one kind, and a factor of 0.5 halves them, as a better measurement would.
 
@@ -160,9 +160,9 @@ def budget_entries(
     sources : sequence of ConsideredSources
         S uncertain inputs, or components of inputs such as x and y of the clamp.
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     sizes : ndarray, shape (S, n)
-        Change of the best values for one standard uncertainty of each input or component, scaled as ``unit``.
+        Change of the fitted values for one standard uncertainty of each input or component, scaled as ``unit``.
     modulus : callable
         Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
 

@@ -128,7 +128,7 @@ def considered(
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     groups : sequence of SharedUnknowns, optional
         The uncertain inputs; by default all with a specified uncertainty that are not fitted together with the law.
 
@@ -295,15 +295,15 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes of the best values of n unknowns: by errors of S inputs, and by removing the bounds of the search.
+    """Changes of the fitted values of n unknowns: by errors of S inputs, and by removing the bounds of the search.
 
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Change of the best values for an error of each input of one standard uncertainty. The values are scaled so that
-        the bounds of the search are 0 and 1.
+        Change of the fitted values for an error of each input of one standard uncertainty. The values are scaled so
+        that the bounds of the search are 0 and 1.
     held : ndarray, shape (n,)
-        Change of the best values if the bounds of the search were removed, scaled in the same way. It is reduced so
+        Change of the fitted values if the bounds of the search were removed, scaled in the same way. It is reduced so
         that no unknown moves by more than two standard deviations beyond its bound. Zero if no unknown lies on a bound,
         or if S = 0.
     """
@@ -318,7 +318,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return changes of the best values of the unknowns: by errors of inputs, and by removing the search's bounds.
+    """Return changes of the fitted values of the unknowns: by errors of inputs, and by removing the search's bounds.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ class Linearisation:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     objective_mm : float
         The minimised objective in mm, without the priors on the law's parameters.
     states : tuple of LinearStates
@@ -266,7 +266,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The best values of the unknowns, and simulations for nearby values.
+        The fitted values of the unknowns, and simulations for nearby values.
     likelihood_points : float, optional
         Number of independent points for the weights of the residuals; estimated from the residuals by default.
 

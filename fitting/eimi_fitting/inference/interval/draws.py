@@ -64,7 +64,7 @@ def draw_noise(
     rng : numpy.random.Generator
         Generator of the random numbers.
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     covariance : ndarray, shape (n, n)
         Covariance of the unknowns due to noise and priors.
     ends : Ends
@@ -118,7 +118,7 @@ def draw_parameters(
     names : sequence of str
         Names of the parameters.
     values : ndarray, shape (n,)
-        Best values of the n parameters.
+        Fitted values of the n parameters.
     intervals : ndarray, shape (n, 2)
         Lower and upper end of the 95 % interval of each parameter.
     correlation : ndarray, shape (n, n)

@@ -158,11 +158,11 @@ def estimate(
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The best values of the unknowns.
+        The fitted values of the unknowns.
     effects : sequence of Effect
-        Changes of the best values by more exact beam models.
+        Changes of the fitted values by more exact beam models.
     noise : Noise
-        The residuals near the best values, with noise separated from errors of uncertain inputs.
+        The residuals near the fitted values, with noise separated from errors of uncertain inputs.
     refinements : sequence of str
         Names of the more exact beam models that were tried.
     seed : int

@@ -56,7 +56,7 @@ class Identifiability:
     held_by_bounds : tuple of str
         Names of the parameters whose interval is mainly determined by the bounds of the search.
     at_bound : tuple of str
-        Names of the law's unknowns whose best value lies on a bound of the search.
+        Names of the law's unknowns whose fitted value lies on a bound of the search.
     residual_mm : float
         Root mean square of all residuals in mm.
     correlation_points : float

@@ -50,7 +50,7 @@ class Explained:
     Parameters
     ----------
     states : tuple of LinearStates
-        The residuals of each experiment at the best values, with derivatives in the n unknowns and then in the S
+        The residuals of each experiment at the fitted values, with derivatives in the n unknowns and then in the S
         inputs.
     hessian : ndarray, shape (n + S, n + S)
         Hessian of minus the logarithm of the likelihood times the priors.
@@ -65,16 +65,16 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the best values of a fit by a more exact beam model, such as a finer mesh.
+    """The change of the fitted values of a fit by a more exact beam model, such as a finer mesh.
 
     Parameters
     ----------
     correction : Correction
         The change of the residuals by the more exact model.
     moved : ndarray, shape (n,)
-        Change of the best values, scaled so that the bounds of the search are 0 and 1.
+        Change of the fitted values, scaled so that the bounds of the search are 0 and 1.
     share : float, optional
-        Estimated error of the best values with the more exact model, as a share of ``moved``. By default it is the
+        Estimated error of the fitted values with the more exact model, as a share of ``moved``. By default it is the
         usual share for this kind of model, which ``correction`` contains.
     least_percent : float
         Lower limit of the 95 % bound of the remaining error of the modulus, in per cent.
@@ -87,7 +87,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Estimated error of the best values with the more exact beam model, divided by their change ``moved``."""
+        """Estimated error of the fitted values with the more exact beam model, divided by their change ``moved``."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
@@ -98,7 +98,7 @@ class Noise:
     Parameters
     ----------
     about : Linearisation
-        All residuals and their derivatives, at the best values of the unknowns for the specified inputs.
+        All residuals and their derivatives, at the fitted values of the unknowns for the specified inputs.
     explained : Explained
         The residuals that remain if unknowns and uncertain inputs are fitted together: the noise.
     sources : tuple of ConsideredSources
@@ -133,7 +133,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
     problem : Problem
         The law, the unknowns and the measurements of the fit.
     optimum : Optimum
-        The best values of the unknowns.
+        The fitted values of the unknowns.
     effects : sequence of Effect
         Corrections by more exact beam models. Their remaining errors reduce the weights of load cases.
 
@@ -283,7 +283,7 @@ def _least(
     prior: Array,
     model_mm: Sequence[Array],
 ) -> tuple[Array, list[LinearStates]]:
-    """Return the best values of unknowns and uncertain inputs by least squares, and the remaining residuals."""
+    """Fit unknowns and uncertain inputs by least squares, and return their values and the remaining residuals."""
     # The residuals are linear about ``at``. The priors have the mean ``unit`` and the inverse variance ``prior``.
     remaining, level, best = list(states), np.inf, at
     for _ in range(_ROUNDS):

@@ -134,7 +134,7 @@ def interval_ends(
         Function that returns, for P sets of unknowns (P, n), the deviances (P,) and the gradients (P, n) of half the
         deviance. A deviance is twice the decrease of the log-likelihood from its maximum.
     unit : ndarray, shape (n,)
-        Best values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
     score : ndarray, shape (n,)
         Gradient of half the deviance at the optimum; zero except for unknowns on a bound.
     hessian : ndarray, shape (n, n)
