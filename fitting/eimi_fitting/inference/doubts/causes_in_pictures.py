@@ -1,7 +1,7 @@
 """List the possible causes of residuals that belong to the camera or to the calibration of its pictures.
 
 A cause is a possible error of the test bench. These causes displace the measured points, and do not bend the beam
-differently. A wrong direction of the beam in the picture also changes the loads.
+differently. The exception is a wrong direction of the beam in the picture, which also changes the loads.
 """
 
 from __future__ import annotations
@@ -69,7 +69,11 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens."""
+    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens.
+
+    The first of the ``amplitudes`` is the relative distortion at the measured point that is farthest from the lens
+    axis. The next two describe a displacement of this axis.
+    """
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
     farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
@@ -87,7 +91,8 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm of the points ``places`` in a picture if the camera is tilted about two axes.
 
-    ``amplitudes`` has the two angles in degrees.
+    ``amplitudes`` has two angles in degrees. The first tilt brings points with a larger x nearer to the camera, and the
+    second brings points with a larger y nearer.
     """
     from_centre = places - _centre(experiment)
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
@@ -97,7 +102,7 @@ def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
     """Return the displacements in mm of the points ``places`` in a picture if the beam is farther from the camera.
 
-    The first number of ``amplitudes`` is the additional distance in mm.
+    ``amplitudes`` has one element: the additional distance in mm.
     """
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 

@@ -1,4 +1,4 @@
-"""List possible causes of residuals: a wrong shape, twist or clamping of the specimen, or a wrong law of its material.
+"""List possible causes of residuals in the specimen: a wrong shape, twist or clamping, or a wrong law of its material.
 
 A cause is an assumption of a fit that may be wrong.
 """

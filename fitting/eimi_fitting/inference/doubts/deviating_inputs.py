@@ -58,7 +58,7 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
     posterior : Posterior
         The probability density of the residuals and the sizes of all errors, for each set.
     base : int
-        Index of the most probable set. Its errors are omitted, because they are larger than stated.
+        Index of the most probable set. Its errors are omitted: they count as errors of the test bench.
 
     Returns
     -------

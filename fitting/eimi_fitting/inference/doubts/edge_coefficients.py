@@ -72,7 +72,8 @@ class Projection:
     def smooth(self, moves: Array) -> Array:
         """Return the variances of N polynomial coefficients in mm^2 due to smooth errors of the simulation, (N,).
 
-        Each row of ``moves`` has the changes of the coefficients in mm by one of the errors.
+        Each row of ``moves`` has the changes of the coefficients in mm by one of the errors. Only the root mean square
+        of the changes is used.
         """
         parts, first = [], 0
         for basis in self.bases:

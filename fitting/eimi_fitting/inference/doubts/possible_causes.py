@@ -119,7 +119,7 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 
     The function takes the assumptions, and one number for each dictionary of ``parts``. A key of a dictionary is the
     name of an input and the index of its component, such as ``("clamp", 0)`` for x. The value is the error of this
-    input for the number 1.
+    input if the number is 1.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:

@@ -350,7 +350,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
     """Return the change of the residuals in mm per unit of one component of an error; None without an equilibrium.
 
-    ``part`` is the index of the component, such as 0 for x. The finite differences have 0.3 times the step ``size``.
+    ``part`` is the index of the component, such as 0 for x. The finite differences have a step of 0.3 times ``size``.
     """
     if cause.change is None:
         return _as_solid(here)

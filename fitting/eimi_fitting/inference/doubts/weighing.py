@@ -271,9 +271,9 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a set of errors that was not simulated, and its most probable simulated part.
+        """Return pairs of indices: a set of errors that was not simulated, and its most probable simulated subset.
 
-        The simulation of this part corrects the linear model of the whole set.
+        The simulation of the subset corrects the linear model of the whole set.
         """
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It

@@ -2,7 +2,7 @@
 
 design_of_experiment   the states that give the narrowest interval
 rival_laws             the states that distinguish two laws
-exchange               the search for the best set of states, by exchange of one state at a time
+exchange               the search for a good choice of states, by exchange of one state at a time
 choice_of_law          the comparison of laws by AICc and BIC
 modulus_so_far         an estimate of the modulus during a run
 section_bias           the error of the modulus due to a planar model of a solid beam

@@ -11,9 +11,9 @@ this law. Let
 
 For some chosen states, the sums of J'J and J'C over their edge points (a prime denotes the transpose) give
 
-    the information                          A = w sum J'J,  H = A + P
-    the change of the unknowns by the inputs S = inv(H) w sum J'C
-    the covariance of the unknowns           inv(H) (t^2 A + P) inv(H) + S S'
+    information                            A = w sum J'J,  H = A + P
+    change of the unknowns by the inputs   S = inv(H) w sum J'C
+    covariance of the unknowns             inv(H) (t^2 A + P) inv(H) + S S'
 
 `inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
 `inference.planning.exchange` chooses the states for which the variance of the modulus or parameter is smallest.
@@ -62,7 +62,9 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a later fit, and this law's parameters scaled to 0..1 between their bounds, (n,)."""
+        """Return the unknowns of a fit after the run, and this law's parameters, scaled to 0..1 between their bounds,
+        (n,).
+        """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         # The bounds are 1.5 decades below and above the modulus of the earlier fit.
@@ -262,7 +264,7 @@ def candidates(
     stated : sequence of StatedSource
         Uncertain inputs of the planned run.
     noise : EdgeNoise
-        Noise of the edges.
+        Noise of the edges, and error of the beam model.
     goal : str
         The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
     along : int
@@ -306,7 +308,7 @@ def candidates(
 
 
 def planar_model(specimen: Specimen) -> BeamModel:
-    """Return a planar beam model with few elements, also for a solid specimen."""
+    """Return a planar beam model with few elements, also for a solid specimen, to compute derivatives quickly."""
     # The derivatives of the edges of a solid section differ by only a few per cent.
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
@@ -322,7 +324,7 @@ def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
 def experiment_without_noise(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return an experiment with the simulated edges of a known law in place of measured edges."""
+    """Return an experiment with edges that are simulated for a known law, in place of measured edges."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -359,7 +361,11 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the information in 1/mm^2 that the measured edges of a state give, per simulated edge point."""
+    """Return the weight in 1/mm^2 of each simulated edge point in a sum of squares.
+
+    With this weight, the simulated points of a state give as much information as its measured points.
+    ``points_per_edge`` is the number of simulated points on each of the two edges.
+    """
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 

@@ -13,9 +13,9 @@ If the depth effect cannot be interpolated, the modulus is fitted with the plana
 Wider intervals. A new state can make the interval wider, because some stated uncertainties have a larger effect on the
 modulus if the beam bends more. If it is more than 5 % wider than the narrowest interval so far, the estimate from
 before the new state is kept under two conditions. First, the interval of this estimate contains the new estimate.
-Second, it grows by at most 5 % if the noise in it is as large as in the new estimate. An interval that is selected
-because it is narrow contains the true modulus with 95 % all the same, because its width depends on the loads and hardly
-on the measured edges.
+Second, it grows by at most 5 % if the noise in it is as large as in the new estimate. An interval that is kept
+because it is narrow still contains the true modulus with a probability of 95 %, because its width depends on the loads
+and hardly on the measured edges.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """Displacements of a three-dimensional beam model minus those of a planar one, and the modulus in Pa used."""
+    """Displacements of a three-dimensional beam model minus those of a planar one, and the modulus in Pa of both."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -225,7 +225,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the residuals of the edges near the optimum; all of them count as noise."""
+    """Return the noise of a fit, for its interval: all residuals at the optimum count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

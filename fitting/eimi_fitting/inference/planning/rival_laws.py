@@ -70,7 +70,8 @@ class Rivals:
     def variance(self, choices: Choice) -> Array:
         """Return 1 divided by the expected difference in AIC of two laws, for D choices of K states, shape (D,).
 
-        Each row of ``choices`` (D, K) has the indices of K states.
+        Each row of ``choices`` (D, K) has the indices of K states. A plan chooses the states for which the result is
+        smallest.
         """
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]

@@ -1,4 +1,4 @@
-"""Estimate the error of a modulus due to a planar section: fit a planar model to a simulated solid beam.
+"""Estimate the error of a modulus due to a planar beam model: fit a planar model to a simulated solid beam.
 
 The error depends on the proportions of the specimen, and not on noise, illumination or hyperelastic law. Two bent
 states of a three-dimensional Neo-Hookean beam are enough to compute the error to one per cent of the modulus.
