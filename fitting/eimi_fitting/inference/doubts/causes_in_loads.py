@@ -48,15 +48,13 @@ def _crept(loads: Loads, amplitudes: Array) -> Loads:
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the size of the load in each of K states, (K,): field plus tip force, each divided by its largest value.
-    """
+    """Return the size of the load in each of K states, (K,): field plus tip force, each divided by its maximum."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for each of K states whose load was reached by an increase, and -1 for one reached by a decrease, (K,).
-    """
+    """Return 1 for each of K states that was reached by an increase of the load, and -1 after a decrease, (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]

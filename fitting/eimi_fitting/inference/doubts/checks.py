@@ -319,8 +319,7 @@ def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of the points in each of K states in mm, (K,), without additions for blur and the like.
-    """
+    """Return the stated noise of the points in each of K states in mm, (K,), without additions for blur."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
         # Without the increase for a defect of the picture, such as blur, which could hide a wrong law.

@@ -62,8 +62,9 @@ class KnownLaw:
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit after the run, and this law's parameters, scaled to 0..1 between their bounds,
-        (n,).
+        """Return the unknowns of a fit after the run, and the parameters of this law as values of the unknowns, (n,).
+
+        The values are scaled to 0..1 between the bounds of the unknowns.
         """
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
