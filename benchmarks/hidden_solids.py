@@ -78,8 +78,9 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print a row for every specimen, law of the simulation, and assumption of the fit.
+    """Print the error of the identified modulus for every specimen, law of the simulation and section of the fit.
 
+    Each combination has one row. The section is the model of the cross-section: plane strain, plane stress or solid.
     With --short only one specimen is fitted, and with --solid all fits use the solid model.
     """
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)

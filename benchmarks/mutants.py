@@ -1,7 +1,7 @@
 """Put small mistakes into a copy of the project, one at a time, and report which mistakes the tests detect.
 
-A mutant is the project with one mistake. A room is a package of the project, such as "acquisition". For a sample, a
-room may also be a folder with several packages, such as "drivers", or a folder in a package, such as "interval".
+A mutant is the project with one mistake. A room is a part of the project: a package, such as "acquisition". With
+``--sample`` it may also be a folder with several packages ("drivers"), or a folder in a package ("interval").
 
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 ``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
@@ -13,14 +13,17 @@ the test. ``--only N`` tries only mistake number N. With ``--results`` a run con
 repeats the mistakes that survived.
 
 With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
-the seed. The tests that execute the line are run, the quickest first. The map from lines to tests is recorded by
-`tests_by_line` and must exist before. The map does not contain processes that a test starts, and may not contain slow
-tests. If no test of the map fails, the files of tests that import the module of the mistake are run too, and then the
-tests that ``room_tests.toml`` lists for its folder; each of them belongs to the suite. A mistake is also caught if a
-file of these tests cannot be imported any more. A mistake counts as missed if no test fails, or if its tests end
-without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no behaviour and are not
-counted. The script prints the shares
-of caught mistakes by room with their 95 % intervals (E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
+the seed. Three groups of tests are run, one after another, until a test fails:
+
+1. The tests that execute the line. They are read from a map, which `tests_by_line` must have recorded before. The map
+   does not contain processes that a test starts, and may not contain slow tests.
+2. The files of tests that import the module of the mistake.
+3. The tests that ``room_tests.toml`` lists for the folder of this module.
+
+A mistake is also caught if a file of these tests cannot be imported any more. A mistake counts as missed if no test
+fails, or if its tests end without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no
+behaviour and are not counted. The script prints the share of caught mistakes in each room with its 95 % interval
+(E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 """
 
 from __future__ import annotations
@@ -113,11 +116,11 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return the tests of the changed file and of its folder, which run if no test in `tests` fails.
+        """Return further tests, which are run for a generated mistake if no test in `tests` fails.
 
-        They are the files of tests that import the module of the mistake, and then the tests that ``room_tests.toml``
-        lists. Only a generated mistake has such tests; for a mistake from a list, the result is empty. `project` is the
-        folder of the project or of its copy. Tests that do not exist there are left out.
+        They are the files of tests that import the changed module, and then the tests that ``room_tests.toml`` lists
+        for its folder. For a mistake from a list, the result is empty. `project` is the folder of the project or of its
+        copy. Tests that do not exist there are left out.
         """
         if not self.is_generated:
             return []

@@ -6,10 +6,10 @@ Each trial is a complete `eimi acquire` with the ramp, settling and limits of a 
 1.5 A. The supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a
 random moment after the current is set.
 
-The table shows for how long the output stayed on after the fault. If the fault makes the supply silent for some time,
-this time is counted from its next answer. The table also shows how many states were reported as stored but are not in
-the file. The script also checks that the run reports the fault. The exit status is 0 if every trial met all
-requirements. `--fault NAME` runs one fault only, and `--list` prints the names of the faults.
+The table shows for how long the output stayed on after the fault. If the fault makes the supply silent for a few
+seconds, this duration begins at the end of the silence and not at the fault. The table also shows how many states were
+reported as stored but are not in the file. The script also checks that the run reports the fault. The exit status is 0
+if every trial met all requirements. `--fault NAME` runs one fault only, and `--list` prints the names of the faults.
 """
 
 from __future__ import annotations

@@ -106,10 +106,10 @@ CORNERS_OF_SPINE = """
 
 
 def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
-    """Write the tables of one body and import them; return the path of the dataset.
+    """Write the files of one body (the cantilever or the spine) and import them as a dataset; return its path.
 
-    name: name of the files. specimen: text of the specimen file. corners: rows of the table of points, in which the
-    points are the corners of the body.
+    name: name of the files. specimen: text of the specimen file. corners: rows of the file points.csv, with the
+    positions of corners of the body in the picture.
     """
     texts = {"toml": specimen, "points.csv": HEADER + corners, "states.csv": "state,field_mT\n0,0\n"}
     paths = {end: folder / f"{name}.{end}" for end in (*texts, "h5")}
@@ -121,7 +121,7 @@ def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
 
 
 def main() -> None:
-    """Print the table: the modulus of each body and of both bodies together, with its interval in kPa."""
+    """Print the modulus of the cantilever, of the spine and of a joint fit of both, with 95 % intervals in kPa."""
     with tempfile.TemporaryDirectory(prefix="published_strips") as name:
         folder = Path(name)
         cantilever = dataset(folder, "cantilever", CANTILEVER, CORNERS_OF_CANTILEVER)

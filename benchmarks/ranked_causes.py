@@ -155,9 +155,9 @@ class Ranked:
     def is_declared_second(self) -> bool:
         """Whether the true cause is in one of the two most probable classes, or is one of the first two causes.
 
-        A cause is a property of the bench that differs from its files, and a class contains causes that the data
-        cannot distinguish. If there are two true causes, two of the three most probable classes must contain one of
-        them, or both must be among the first three causes.
+        A cause is a property of the bench that differs from its files, and a class contains causes that the data cannot
+        distinguish. If there are two true causes, they must be among the first three causes, or at least two of the
+        three most probable classes must each contain a true cause.
         """
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
@@ -257,7 +257,7 @@ def _cells(words: Sequence[str]) -> str:
 
 
 def main() -> None:
-    """Print the table of all fits in the given files, and the counts of the ranks."""
+    """Print the table of all fits in the given files, and how many fits found the true cause of their residuals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     lines = [line for path in parser.parse_args().files for line in path.read_text(encoding="utf-8").splitlines()]

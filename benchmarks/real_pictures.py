@@ -10,9 +10,10 @@ axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
 --clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
 pictures `refusal` is left out, because it has no centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
---chance DRAWS    Show how far the ratio of stated to observed deviation can be from 1 by chance. For each detected
-edge, DRAWS edges with a known random scatter are simulated, and the program states a deviation for each of them. The
-output is the 95 % range of the ratio, and the median of the ratio of stated to true deviation.
+--chance DRAWS    Show which ratios of stated to observed deviation chance alone can cause. For each detected edge,
+DRAWS edges with a known random scatter are simulated, and the program states a deviation for each of them. The output
+is the 95 % range of the ratio for the simulated edges: a measured ratio in this range can be due to chance. The output
+also has the median of the stated deviation divided by the known scatter.
 """
 
 from __future__ import annotations

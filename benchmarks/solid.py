@@ -27,7 +27,10 @@ SLENDER = Specimen(60.0, 6.0, 12.0, 1070.0, "plane-stress")
 
 
 def main() -> None:
-    """Print one line for each comparison; with --short only coarse meshes are used."""
+    """Print the difference between the solid model and independent solutions, with one line for each comparison.
+
+    With --short only coarse meshes are used.
+    """
     short = "--short" in sys.argv
     for name in LAWS:
         print(f"{name}: depth held, from plane strain at most {against_plane_strain(name):.1e} mm")

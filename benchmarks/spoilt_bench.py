@@ -227,7 +227,8 @@ maximum = 12.0
         """Cause a fault of the camera or of the clock, and return the time (s, monotonic clock) of the fault.
 
         `name` is a fault of `benchmarks.spoilt_run`. With "clock", the clock steps back. Every other fault blocks a
-        method of the camera, such as "grab", when the run calls it; this function waits for the call (not for "close").
+        method of the camera, such as "grab", as soon as the run calls it. This function then returns after that call.
+        With "clock" and "close" it returns at once.
         """
         (self.folder / name).touch()
         began = time.monotonic()

@@ -74,7 +74,7 @@ class TestsByLine:
     __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
-        """Read from a file which tests execute which lines. Raises FileNotFoundError if there is no such file."""
+        """Read the recorded map from lines of code to tests. Raises FileNotFoundError if no map was recorded."""
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
@@ -84,18 +84,18 @@ class TestsByLine:
     def of(self, file: str, line: int) -> tuple[str, ...]:
         """Return the tests that can detect a mistake (a deliberate change) in a line of code, in the order of trial.
 
-        The tests are chosen by the first rule that applies:
+        The tests are chosen as follows:
 
-        - The line is in a function: first the tests that execute the line. If they do so in a fixture (the setup of
-          tests), then also the other tests in their files, because these may use the fixture.
-        - The line is outside all functions, so that only the first import of the module executes it: first the tests in
-          files that import the module or every module of the project, then the tests that execute any line of the
+        - If the line is in a function: the tests that execute the line. If a test executes it in a fixture (the setup of
+          tests), then also the other tests in the same file, because these may use the fixture.
+        - If the line is outside all functions, so that only the first import of the module executes it: first the tests
+          in files that import the module or every module of the project, then the tests that execute any line of the
           module, then the tests in files that import its package.
-        - These rules give no test: the tests in the files that contain the name of the module.
+        - If no test was found in this way: the tests in the files that contain the name of the module.
 
-        Of these tests, those in files that contain the name of the module are tried first. At most `MOST_TESTS` tests
-        are returned, which together take at most `MOST_S` seconds. Half of this time is given to the quickest tests,
-        because the tests of a module itself are usually quick.
+        Tests in files that contain the name of the module are tried first. At most `MOST_TESTS` tests are returned,
+        which together take at most `MOST_S` seconds. One half of this time is reserved for the quickest tests, because
+        the tests of a module itself are usually quick. The other half is filled with the first of the remaining tests.
         """
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):

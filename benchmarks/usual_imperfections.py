@@ -10,8 +10,9 @@ the coil's field, scale, clamp, angles and dimensions. The edges get noise; no p
 
 There are two kinds of fits, because full fits of all experiments would take too long.
 
-- A full fit is made of some experiments of every beam and every level of noise. It has the same local optimisation,
-  corrections, budget (the contribution of each source to the uncertainty) and random draws as `eimi fit`.
+- A full fit is made of some experiments, ``--full`` in all, which contain every beam and every level of noise. It has
+  the same local optimisation, corrections, budget (the contribution of each source to the uncertainty) and random draws
+  as `eimi fit`.
 - A quick fit is made of every experiment. It minimises the same objective. The beam is not simulated in each fit: each
   nominal specimen is simulated once with 21 moduli, and the error of each state is interpolated by cubic splines. The
   interval has the mean width (in logarithms) of the full fits with the same beam and noise.
@@ -80,10 +81,11 @@ def kind(case: Case) -> tuple[str, float]:
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean 95 % interval of the modulus in each group of experiments, relative to the modulus.
+    """Return the mean 95 % interval of the modulus, relative to the modulus, for each beam and each level of noise.
 
-    A group has the same dimensions of the beam (as a text) and the same noise (mm), which are its key. The value
-    consists of the mean of ln(lower end / modulus) and the mean of ln(upper end / modulus) over the fits `full`.
+    The keys of the result are the dimensions of the beam (as a text) and the noise (mm). Each value consists of the
+    mean of ln(lower end / modulus) and the mean of ln(upper end / modulus) over the fits `full` with this beam and
+    noise.
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:

@@ -10,7 +10,10 @@ from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen, edge_sensitiv
 
 
 def main() -> float:
-    """Return the cosine of the angle between the two movements of the edges; 1 if they are proportional."""
+    """Return the cosine of the angle between the displacements of the edges due to C10 and due to C01.
+
+    It is 1 if both displacements are proportional; the edges then cannot distinguish C10 from C01.
+    """
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)))
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     sensitivity = edge_sensitivity(model, LAWS["mooney-rivlin"], np.array([15e3, 8e3]), loads)

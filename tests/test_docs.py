@@ -95,7 +95,10 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
 
 
 def shorten(folder: Path) -> None:
-    """Write a protocol of three states, a virtual rig with a coarse mesh, and a specimen in plane stress."""
+    """Write the files with which the commands of a page run quickly, to the folder of these commands.
+
+    They are a protocol of three states, a virtual rig with a coarse mesh, and a specimen in plane stress.
+    """
     protocols = ROOT / "protocols"
     protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)

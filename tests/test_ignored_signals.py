@@ -1,4 +1,4 @@
-"""Tests that run in the background react to Ctrl-C and hang-up, which a process in the background ignores at first."""
+"""Tests that run in the background react to Ctrl-C and hang-up, although their process starts with both ignored."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def ignore() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals to pass on")
 def test_tests_started_with_ignored_signals_restore_them() -> None:
-    """Tests that start with ignored signals restore them for themselves and for the programs that they start.
+    """If pytest starts with Ctrl-C and hang-up ignored, tests and programs started by tests still react to both.
 
     One test sends itself Ctrl-C, and another test checks the signals of a program that it starts.
     """

@@ -11,7 +11,7 @@ BEGIN, END = "<!-- faults -->\n", "<!-- end of faults -->"
 
 
 def page() -> str:
-    """Return the text of the page with a new table of all faults."""
+    """Return the text of docs/howto/faults.md with a new table of the faults that an emulated instrument can have."""
     before, _, following = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     after = following.partition(END)[2]
     rows = [f"| `{fault.word}` | {fault.effect} | {fault.correct} |" for fault in Fault]

@@ -50,9 +50,9 @@ def small_bench(folder: Path, supply: str, coil: str) -> None:
     folder : Path
         The folder for the files.
     supply : str
-        The address of the emulated supply.
+        The address of the emulated supply, to which the program sends its commands.
     coil : str
-        The address of its emulated coil, in which the virtual beam hangs.
+        The address from which the virtual camera reads the current in the emulated coil of this supply.
     """
     rig = load_rig("virtual")
     assert rig.virtual is not None

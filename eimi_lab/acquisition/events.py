@@ -313,8 +313,8 @@ def off_confirmed(
     by : str
         The process that switched the coil off: "run" or "guardian".
     takeover : str or None
-        The reason why the guardian process (which does this if the run dies) switched the coil off; None if the run
-        switched it off.
+        The reason why the guardian process switched the coil off; None if the run switched it off. The guardian process
+        switches the coil off if the run dies.
     run_killed : bool
         Whether the guardian process killed the run before it switched the coil off.
     address : str

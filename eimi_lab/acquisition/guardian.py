@@ -62,10 +62,10 @@ class Ward:
     added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
     the supply that the run uses; None until the run has read both.
 
-    `recognised` matters only for a supply without a serial number, which another supply of the same type could replace.
-    If `recognised` is false, the guardian takes a supply for the supply of the coil only if its output is on or a
-    current flows. If it is true, the guardian accepts the supply also with its output off. The run sets `recognised` if
-    it has switched the output off but still measures a current.
+    `recognised` matters only for a supply without a serial number: another supply of the same type may be connected at
+    its address. If `recognised` is false, the guardian therefore accepts the supply only in the state in which the run
+    left it, with its output on or with a current. If it is true, the guardian accepts the supply also with its output
+    off. The run sets `recognised` if it has switched the output off but still measures a current.
     """
 
     driver: str
@@ -150,12 +150,11 @@ class Guardian:
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Tell the guardian process that the run has switched the supply's output off, but a current still flows.
+        """Tell the guardian process to accept the supply at the address of the coil's supply even if its output is off.
 
-        The guardian then has to switch off the supply that answers at the address of the coil's supply. If this supply
-        has no serial number, it may be another supply of the same type. The guardian therefore usually recognises it as
-        the supply of the coil only if it finds the output on or a current flowing. After this message, it recognises
-        the supply also with its output off.
+        The run sends this message if it has switched the output off but still measures a current. Without the message,
+        the guardian accepts a supply without a serial number only if its output is on or a current flows, because
+        another supply of the same type may be connected at this address.
         """
         self._send(RECOGNISED)
 

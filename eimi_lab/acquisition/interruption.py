@@ -54,8 +54,8 @@ class Interruption:
     def heeding(self, run: Heeded) -> Iterator[None]:
         """Let a run react to signals, such as Ctrl-C, during long operations in the body of the with statement.
 
-        The instruments and the writer of the dataset call the other methods of this object during long operations. In
-        the body of the with statement, these methods call the methods of `run`.
+        During a long operation, the instruments and the writer of the dataset repeatedly call the other methods of this
+        object. In the body of the with statement, these methods pass each call to `run`, which then reacts to a signal.
         """
         self._run = run
         try:

@@ -69,9 +69,10 @@ class _SignalsHeeded:
             self._coil.count_the_end()
 
     def move_on(self) -> None:
-        """Tell the guardian process that the run is alive, and refuse a suspension (Ctrl-Z) if one was asked for.
+        """Tell the guardian process that the run is alive; if Ctrl-Z was pressed, report that suspension is refused.
 
-        The guardian process switches the coil off if the run dies.
+        The run calls this method repeatedly. Without such calls, the guardian process takes the run for dead and
+        switches the coil off.
         """
         if self._guardian:
             self._guardian.beat()

@@ -229,7 +229,8 @@ def _import_tracks(
 def _check_source(source: Path, states: Path | None) -> None:
     """Raise InputError if the source of an import cannot be imported.
 
-    This is so if the source does not exist, is also given as ``states``, or is a dataset or a TOML file.
+    This is so if the source does not exist, is a dataset or a TOML file, or is also the file of the option ``--states``
+    (``states``).
     """
     if not source.exists():
         raise InputError(f"{source}: no such file or folder; give a folder of images, an image, a video or points.csv")

@@ -229,10 +229,11 @@ class SpecimenFile(Document):
         return float(min([*at_faces, *sizes[(along > near) & (along < far)]]))
 
     def _values(self) -> dict[str, tuple[str, float | None]]:
-        """Return the sizes, densities and the remanence of the file, with which their uncertainties are compared.
+        """Return the quantities of the file to which the table [uncertainty] may give an uncertainty.
 
-        The keys of the result are the keys of the table [uncertainty], for example "magnet_width_mm". Each entry
-        consists of the key of the quantity, here "magnet.width_mm", and its value; None if the file does not give it.
+        They are the sizes, the densities and the remanence. The keys of the result are those of the table
+        [uncertainty], for example "magnet_width_mm". Each value consists of the name of the quantity, here
+        "magnet.width_mm", and the quantity itself; None if the file does not give it.
         """
         beam, magnet = self.specimen, self.magnet
         sizes = ("length_mm", "width_mm", "depth_mm", "density_kg_m3")

@@ -69,7 +69,7 @@ class GenerationLine(Record):
 
 
 class FinishedLine(Record):
-    """A line of a checkpoint: a finished fit, and the index of this fit in the first line of the checkpoint."""
+    """A line of a checkpoint: a finished fit, and its index in the list of fits in the first line of the checkpoint."""
 
     fit: int
     finished: FitRecord | ReplicateRecord

@@ -1,4 +1,7 @@
-"""The record of a fit that all kinds of fits in a result file have in common, with its tables and figures."""
+"""The part of the record of a fit that is the same for fits to bending, to tension and to ring-downs.
+
+It contains the law, its parameters and the reasons to distrust the result, and makes tables of them.
+"""
 
 from __future__ import annotations
 

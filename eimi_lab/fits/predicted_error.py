@@ -164,11 +164,11 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the deviations of an uncertain input in the D draws (random samples) of a fit, shape (D,).
+    """Return the errors of an input in the D draws (random samples) of a fit, in standard uncertainties, (D,).
 
-    They are used again for a dataset that has this error in common with the data of the fit, for example because the
-    same coil was used. The result is None if the error is not in common. `stated` is the source of uncertainty, and
-    `part` the index of a number in it. The deviations are divided by the standard uncertainty.
+    A prediction uses them again if the predicted dataset has the same error as the data of the fit, for example because
+    the same coil was used. The result is None for a dataset without this error. `stated` is the uncertain input of the
+    predicted dataset, and `part` the index of one of its components, such as x or y.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

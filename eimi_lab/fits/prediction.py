@@ -99,9 +99,10 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that become possible when `step` has ended with the result `outcome`; long steps come first.
+        """Return the steps that can follow when `step` has ended with the result `outcome`; long steps come first.
 
-        A simulation is followed by the computation of an interval, or by a separate simulation if it failed.
+        After a simulation, the interval of its error is computed. If several fits were simulated together and this
+        failed for one of them, this fit is simulated again, alone and with the most accurate model in all states.
         """
         if step.kind == "interval":
             return []

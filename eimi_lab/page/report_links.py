@@ -26,7 +26,7 @@ class ReportLinks:
         return f"{REPORT}?{urlencode({'file': name, 'key': self._key(name)})}"
 
     def opens(self, name: str, key: str) -> bool:
-        """Return whether ``key`` is the key of the report ``name``."""
+        """Return whether a link with the secret text ``key`` may open the report ``name``."""
         return hmac.compare_digest(key.encode("utf-8", "replace"), self._key(name).encode())
 
     def _key(self, name: str) -> str:

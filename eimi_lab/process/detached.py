@@ -138,7 +138,11 @@ def give_way(steps: int) -> None:
 
 
 def _lower_session(nice: int) -> None:
-    """Give the session of this process a nice value, if the system has nice values of sessions."""
+    """Set the nice value (priority) of the session to which this process belongs, on Linux with autogroups.
+
+    Linux may share the processor time first among sessions: the processes of one terminal are such a session. On any
+    other system, nothing is done.
+    """
     for _ in range(SESSION_ATTEMPTS):
         try:
             Path("/proc/self/autogroup").write_text(str(nice))

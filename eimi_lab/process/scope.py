@@ -25,8 +25,8 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
     A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
 
-    The process is not moved if the user has no systemd. It is also not moved if the new scope would end when the user
-    logs out, but the process would continue without the new scope.
+    The process is not moved if the user has no systemd, or if it would end earlier in a new scope than without one.
+    This is so if a logout would end the new scope, but does not end the process as it is.
 
     Parameters
     ----------

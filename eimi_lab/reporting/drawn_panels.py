@@ -48,7 +48,7 @@ class DrawnPanels:
         ]
 
     def datasets(self, report: ReportContents) -> None:
-        """Draw the panels (sections) that need all datasets, but not the 95 % intervals of the errors."""
+        """Draw the panels (sections) of a report for which the 95 % intervals of the errors need not be computed."""
         self._draw(report, [panel for panel in self._of_report if not panel.of_intervals])
 
     def report(self, report: ReportContents) -> None:

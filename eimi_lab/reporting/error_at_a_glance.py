@@ -24,9 +24,9 @@ _MOST = len(MARKERS)  # largest number of datasets in the figure
 def drawn_at_a_glance(leading: Sequence[tuple[DatasetContents, Prediction[ShownFit]]]) -> Drawing:
     """Draw the error of each state against the field, with a line for each dataset.
 
-    `leading` has, for each dataset, its simulation by the fit that represents it. The error is the root mean square of
-    the distances between measured points and simulated edges. A band shows ± one standard deviation of the distances in
-    each state.
+    `leading` has, for each dataset, its simulation by the leading fit: the fit that figures with only one fit show. The
+    error is the root mean square of the distances between measured points and simulated edges. A band shows ± one
+    standard deviation of the distances in each state.
     """
     drawing = Drawing(2.3, WIDTH_IN)
     axes = drawing.subplots()

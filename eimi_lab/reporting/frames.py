@@ -46,7 +46,7 @@ class Crop:
         return np.asarray(np.clip(scaled[..., ::-1] if cut.ndim == 3 else scaled, 0, 1))
 
     def places(self, points_px: Array) -> Array:
-        """Convert n points from pixels of the whole frame to pixels of the rectangle.
+        """Convert n points from pixels of the whole frame to pixels of this rectangle, a part of the frame.
 
         Argument and result have the shape (n, 2); the second axis holds x (to the right) and y (down).
         """

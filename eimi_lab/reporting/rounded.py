@@ -58,9 +58,10 @@ def _places(scale: float, quantity: Quantity) -> int:
 
 
 def _unit(quantity: Quantity) -> tuple[float, str]:
-    """Return the unit in which a quantity is written: the factor from its own unit, and the name of the unit.
+    """Return the unit in which a quantity is written: a factor on its value, and the name of the unit.
 
-    A pressure in Pa is written in kPa, MPa or GPa. Any other quantity has the factor 1 and an empty name.
+    A pressure in Pa is written in kPa, MPa or GPa. The value of any other quantity is written unchanged and without its
+    unit: the factor is 1 and the name is empty.
     """
     if quantity.unit != "Pa":
         return 1.0, ""

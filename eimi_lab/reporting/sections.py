@@ -60,11 +60,11 @@ def evidence_for_fits(
 
 
 def _section_of(shown: ShownFit, sha256: str) -> str | None:
-    """Return the section (model of the cross-section) with which a dataset is simulated, if a fit determines it.
+    """Return the section (model of the cross-section) for the simulation of a dataset; None if the fit leaves it open.
 
-    If the law was fitted to the dataset with the hash `sha256`, this is the section of that fit. For another dataset it
-    is the section that all datasets of the fit have. None is returned if these have different sections, and for a
-    tensile fit.
+    If the law was fitted to the dataset with the hash `sha256`, this is the section that the fit assumed for this
+    dataset. For another dataset, it is the section that the fit assumed for all its datasets. None is returned if the
+    fit assumed different sections, or if the fit has no bending data.
     """
     if not isinstance(shown.fit, FitRecord):
         return None

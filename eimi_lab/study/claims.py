@@ -81,11 +81,12 @@ def _better(findings: Findings, key: str, section: str) -> Verdict:
 
 
 def _lost(findings: Findings, key: str, section: str) -> str:
-    """Return a text about the laws fitted to bending with which some simulated beam has no equilibrium.
+    """Return a text on laws fitted to bending for which the simulated beam of some specimen has no equilibrium.
 
-    For each such law, the text names the types of specimen without equilibrium, and the stretch up to which the law is
-    stable. Only types to which no law was fitted and which do not twist are considered. `key` names the material, and
-    `section` the model of the cross-section. The text is empty if all beams have an equilibrium.
+    For each such law, the text names the types of specimen without an equilibrium, and the stretch up to which the law
+    is stable. The types are those to which no law was fitted. Type 4, whose beam twists in the field, is left out
+    unless it is the only one. `key` names the material, and `section` the model of the cross-section. The text is empty
+    if all beams have an equilibrium.
     """
     sentences = []
     for route in (route for route in findings.routes(key, section) if route.source == BENDING):

@@ -112,7 +112,7 @@ def noise_mm(shape: tuple[int, ...], of: str, sigma_mm: float = NOISE_MM) -> Arr
 
 
 def twisted(edges: Array, material: HiddenMaterial, fields: Array) -> Array:
-    """Return the edges of type 4 with the twist due to a magnetic moment out of the plane of the picture.
+    """Return the edges of a specimen of type 4 with the twist due to a magnetic moment out of the plane of the picture.
 
     The angle between the moment and this plane is chosen such that the magnet turns by `TWIST_DEG` degrees about the
     axis of the beam in the strongest field.

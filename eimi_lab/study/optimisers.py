@@ -1,11 +1,11 @@
 """Compare CMA-ES with Gauss-Newton, Nelder-Mead and differential evolution.
 
 All optimisers search the unit cube of the coordinates of a law, in which the modulus covers three decades. They
-minimise the mean error on simulated edges of a specimen of type 1. The beam model has the mesh that a fit uses for its
-search. The true material of the specimen is a hidden material, whose law is not among the fitted laws. The result is
-the number of evaluations after which the modulus of the best candidate stays within one per cent of the modulus of the
-optimum. Gauss-Newton and the mean of CMA-ES start in the middle of the cube. The other optimisers start at points that
-depend on the seed.
+minimise the mean distance from the edges of a simulated specimen, type 1 of the study. The beam model has the mesh that
+a fit uses for its search. The material of the simulated specimen follows a law that is not among the fitted laws. The
+result is the number of evaluations after which the modulus of the best candidate stays within one per cent of the
+modulus of the optimum. Gauss-Newton and the mean of CMA-ES start in the middle of the cube. The other optimisers start
+at points that depend on the seed.
 """
 
 from __future__ import annotations

@@ -38,9 +38,9 @@ class StudyInputs:
 
     @staticmethod
     def of(extent: Extent, seed: int, tensile_data: Path | None) -> StudyInputs:
-        """Return the inputs of a study, with the published curves of a folder.
+        """Return the inputs of a study, with the tensile curve of each material from the folder `tensile_data`.
 
-        Raises InputError if a curve is missing.
+        Without this folder, the study has no tensile curves. Raises InputError if the curve of a material is missing.
         """
         return StudyInputs(extent, seed, published_curves(tensile_data, extent.materials))
 

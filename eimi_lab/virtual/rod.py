@@ -49,11 +49,12 @@ class Stiffness:
     length_m : float
         Length of the rod, which begins near the clamp and ends at the magnet or at the tip, m.
     hinge_m3 : float
-        Stiffness of the hinge, the soft material around the magnet that lets the magnet rotate against the rod, N m per
-        Pa; infinite without a magnet.
+        Stiffness of the hinge between rod and magnet, N m per Pa; infinite without a magnet. The hinge models the soft
+        material around the magnet, in which the magnet can rotate relative to the rod.
     softening_m2 : float
-        The moment at the curvature k (1/m) and the stretch 1 + e is the bending stiffness times
-        k (1 - softening_m2 k² + by_strain e).
+        Relative decrease of the secant bending stiffness with the curvature, divided by the square of the curvature.
+        With the curvature k (1/m) and the tensile strain e, the bending moment is the bending stiffness times k (1 -
+        softening_m2 k² + by_strain e).
     by_strain : float
         Relative change of the bending stiffness for the tensile strain e, divided by e.
     """
@@ -258,7 +259,7 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the time derivative of the forces that `strain` returns, in 1/s, shape (n,).
+        """Return the time derivative of `strain`, the elastic forces divided by their stiffness, in 1/s, shape (n,).
 
         ``z`` (n,) contains the coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
         """

@@ -142,7 +142,7 @@ class VirtualCamera:
         """Return the next frame of the beam in the field of the coil.
 
         `timeout_s` has no effect, because the simulation always delivers a frame. Raises InstrumentError if the beam
-        has no equilibrium, or if the coil of another process does not answer.
+        has no equilibrium. It is also raised if another process emulates the coil and does not answer with the current.
         """
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()

@@ -88,8 +88,8 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
     image : ndarray, shape (H, W) or (H, W, 3)
         The image; H rows, W columns.
     coloured : bool
-        True to return three channels; those of a grey image are equal. False to return grey values; an image whose
-        channels differ is then returned unchanged.
+        True to return three channels; those of a grey image are equal. False to return one channel of an image with
+        three equal channels; an image with different channels stays unchanged.
 
     Returns
     -------

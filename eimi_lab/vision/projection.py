@@ -178,9 +178,10 @@ class _RootSampler:
     length_mm: float
 
     def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Colours]:
-        """Return the colours at the root (the beam near its clamp) in one picture, in a list of one element.
+        """Return the colours of one picture on the beam near its clamp, and beside the beam, as a list of one element.
 
-        The list is empty if the root is not in the picture.
+        The list is empty if the picture does not contain this part of the beam. largest: grey value of full scale.
+        space: name of the colour space.
         """
         ahead = np.linspace(0.3, max(1.5, 0.2 * self.length_mm / self.width_mm), 15)
         inside = self._colours(image, largest, space, ahead, np.linspace(-0.25, 0.25, 7))

@@ -206,9 +206,9 @@ def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
     """Return rectangles of an image that together contain all pixels at which a steep gradient is possible.
 
     The gradient is later computed in each rectangle separately. Few large rectangles take less time than many small
-    ones. The image is divided into strips of `STRIP_ROWS` rows. In a strip, columns at most `STRIP_ROWS` apart are
-    therefore in one rectangle. Two rectangles in neighbouring strips are replaced by the smallest rectangle that
-    contains both, if this adds at most `SPARE_COLUMNS` columns of a strip.
+    ones. The image is divided into strips of `STRIP_ROWS` rows. In a strip, possible columns that are at most
+    `STRIP_ROWS` apart belong to the same rectangle. Two rectangles in neighbouring strips are replaced by the smallest
+    rectangle that contains both, if this adds at most `SPARE_COLUMNS` columns, each as high as a strip.
 
     Parameters
     ----------

@@ -291,7 +291,7 @@ def test_a_process_that_ended_is_reported_with_its_error_or_its_status() -> None
 
 @pytest.fixture
 def default_interrupt() -> Iterator[None]:
-    """Restore the handler of Ctrl-C, which the process of a camera ignores."""
+    """Restore the handler of Ctrl-C after a test, because the function under test makes the process ignore Ctrl-C."""
     before = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, before)

@@ -193,9 +193,9 @@ def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
 def test_a_session_looks_every_twentieth_of_a_second_until_its_supply_has_left(
     session: tuple[EmulatedSession, CoilSupply, list[str]], monkeypatch: pytest.MonkeyPatch, fault: Fault | None
 ) -> None:
-    """The session, which serves an emulated supply, ends only if a fault gives the supply another address.
+    """A session that serves an emulated supply looks at the supply every 50 ms, to begin a fault in time.
 
-    It checks every 50 ms whether the fault has to begin.
+    It stops looking only after the fault REENUMERATE, with which the supply leaves its address.
     """
     served, coil, messages = session
     coil.set_voltage(12.0)

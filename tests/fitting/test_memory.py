@@ -47,9 +47,10 @@ def test_a_path_keeps_its_last_states_only() -> None:
 
 
 def test_states_solved_together_need_memory_for_a_block_only() -> None:
-    """States that are solved together need memory only for a block, the group of states that is computed at a time.
+    """Each further state needs less than 30 times the memory of its nodes, although all states are solved together.
 
-    The element stiffness matrices of all states together would need a hundred times the memory of the nodes.
+    Its element stiffness matrices alone would need 100 times this memory. They are therefore computed for a limited
+    number of states at a time.
     """
     every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
     assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES

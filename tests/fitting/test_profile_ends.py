@@ -112,10 +112,11 @@ def test_an_end_that_is_not_reached_within_the_bounds_is_the_bound() -> None:
 
 
 def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
-    """If the deviance never reaches 4, the value at the end of an interval, the end stays at its first guess.
+    """The upper end of an interval stays at its first guess if no valid value has the deviance of an end, 4.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it is below 1 up to the
-    distance 0.02 from the optimum. Values of the unknowns farther away are not valid: their deviance is infinite.
+    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it is finite only up to the
+    distance 0.02 from the optimum, and too small there. Values of the unknown farther away are not valid: their
+    deviance is infinite.
     """
 
     smooth = of_coordinates(quadratic(HALF[0]), quadratic(HALF[1]))
@@ -134,12 +135,12 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the ends of the intervals of two unknowns, and the points at which the function under test checked them.
+    """Return the intervals of two unknowns after `estimate._ends`, and the points at which it computed the deviance.
 
-    The deviance is twice the decrease of the log-likelihood; it is 1 at the ends before the check. The check concerns
-    the second unknown, if this is the bulk modulus (`has_bulk`): its interval is extended to an incompressible
-    material, unless the deviance of such a material exceeds 10. high: upper end of the second unknown before the
-    check. values: the deviances that the check gets at its points, one after another.
+    The deviance is twice the decrease of the log-likelihood from its maximum. If the second unknown is the bulk modulus
+    (`has_bulk`), `estimate._ends` computes the deviance of an incompressible material. If the deviance is small enough,
+    the interval of the bulk modulus then includes this material. high: upper end of the second interval before. values:
+    the deviances that replace those of a fit, one after another.
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

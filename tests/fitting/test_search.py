@@ -162,7 +162,10 @@ def test_the_record_of_another_search_is_refused():
 
 @dataclass(frozen=True)
 class Line:
-    """The residuals of a linear model with two coordinates from 0 to 1 and one state."""
+    """A replacement for the evaluation of P candidates that a search reads, with the residuals of a linear model.
+
+    residuals: (P, n) for n points of one state (load step).
+    """
 
     residuals: Array
 

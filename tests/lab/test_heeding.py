@@ -1,4 +1,4 @@
-"""After a signal, the loss of its guardian process or its own end, a run makes the right calls in the right order.
+"""A run that gets a signal, loses its guardian process or ends makes the right calls in the right order.
 
 The guardian is the process that switches the coil off if the run dies.
 """

@@ -256,7 +256,10 @@ def test_if_one_edge_is_lost_the_error_names_it_and_proposes_no_other_clamp(run:
 
 
 def test_with_clicks_the_flags_of_a_grey_picture_are_those_of_following(run: Run, files: Path) -> None:
-    """If a user clicked points on the beam and no beam is found, the advice names the options that help the search."""
+    """With clicked points, a grey picture without a beam gets only the flag NOT_FOLLOWED, the flag of following.
+
+    The advice names the options that help the search.
+    """
     image = np.random.default_rng(0).integers(100, 140, (96, 128)).astype(np.uint8)
     assert imported(run, files, image, "--along", "64,40 64,80")[0] == 0
     status, said = run("segment", files / "out.h5")

@@ -49,7 +49,8 @@ def bench(setup: Any) -> Any:
 def person(setup: Any, answered: list[bool]) -> Callable[[], str | None]:
     """Return a replacement for a user who swaps the leads of the coil when the run asks for it.
 
-    answered: list to which each call with the output off appends whether the set-point of the current is zero.
+    answered: list to which a value is appended whenever the run reads the keyboard with the output off. The value is
+    True if the set-point of the current is zero.
     """
 
     def typed() -> str | None:

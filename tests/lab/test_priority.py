@@ -1,4 +1,7 @@
-"""A process that gives way has a lower priority, also if Linux shares the processor time among sessions first."""
+"""A process that gives way to other processes has a lower priority, also among the processes of other sessions.
+
+Some Linux systems share the processor time among sessions, and only then among the processes of each session.
+"""
 
 from __future__ import annotations
 

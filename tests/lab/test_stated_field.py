@@ -1,6 +1,6 @@
 """The field of the coil is read from calibration.toml, and contradictory or impossible fields are refused.
 
-A virtual bench has the field that its files give, and also the differences from this field that are hidden from a fit.
+The virtual bench has the field of its files and, in addition, deviations from it that a fit does not know.
 """
 
 from __future__ import annotations

@@ -184,7 +184,10 @@ def test_the_tip_of_a_beam_16_px_wide_is_found(angle_deg):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_clipping_is_measured_on_a_narrow_beam_out_of_focus():
-    """A narrow beam out of focus gives edges with the flag DEFOCUS, and no numerical warning."""
+    """The check for clipped (saturated) grey values gives no numerical warning on a narrow beam out of focus.
+
+    The edges are located, and have the flag DEFOCUS.
+    """
     calibration = CALIBRATION.model_copy(update={"pixels_per_mm": 16 / 3, "clamp_midpoint_px": (320.3, 50.6)})
     optics = replace(NOMINAL, blur_px=3.5, background=0.7)
     scene = make_bent_scene(optics, calibration, SPECIMEN, bend(SPECIMEN, 0.0), (640, 512))

@@ -95,8 +95,8 @@ def test_positions_are_converted_between_the_scaled_picture_and_the_image() -> N
 def sampled(colours: Array, turn_rad: float = 0.0) -> UnrolledPicture:
     """Return a noisy picture of a beam, as grey values at places along the beam and 53 points across it.
 
-    colours: the grey values without noise, shape (n, 53). turn_rad: angle by which the beam turns on each width of its
-    length.
+    colours: the grey values without noise, shape (n, 53). turn_rad: angle by which the beam turns over a length equal
+    to its width.
     """
     stations = len(colours)
     along = np.arange(stations) / 12.0

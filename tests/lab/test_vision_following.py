@@ -421,7 +421,10 @@ def test_a_line_through_clicks_that_are_close_together_does_not_turn(clicks):
 
 
 def test_a_strip_along_the_beam_has_no_cost_before_two_clicks_that_are_close_together():
-    """A straight beam lies near the line through two inexact clicks, one 8 px to its left and one 8 px to its right."""
+    """A straight beam lies so near the line through two inexact clicks that a search along the beam has no cost.
+
+    One click is 8 px to the left of the beam, the other 8 px to its right, and they are close together.
+    """
     line = clicked_line(np.array([100.0, 50.0]), np.array([0.0, 1.0]), np.array([[92.0, 1050.0], [108.0, 1090.0]]))
     assert (np.abs(line.points[:, 0] - 100.0) < line.free_px).all()
     assert line.length_px == pytest.approx(1040.0, rel=0.02)

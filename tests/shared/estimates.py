@@ -1,8 +1,8 @@
 """The estimate of a fit that starts near its optimum, without the search and without a diagnosis of the residuals.
 
 The search, and the diagnosis of the probable causes of the residuals (such as a wrong width), take most of the time of
-a fit. A test of values and intervals does not need them, because both leave the values and the intervals of a fit
-without doubts as they are.
+a fit. A test of values and intervals does not need them: in a fit without doubts (warnings), they change neither the
+values nor the intervals.
 """
 
 from __future__ import annotations

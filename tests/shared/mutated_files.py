@@ -221,7 +221,10 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """Read a C3D file in a separate process, as the program does; return "read" or "refused" (or in several lines)."""
+    """Read a C3D file in a separate process, as the program does. Return "read" or "refused".
+
+    The result is "refused in several lines" if the error has several lines.
+    """
     try:
         read_c3d(path)
     except InputError as error:

@@ -58,11 +58,10 @@ def scpi(
     armed, disarmed : tuple of (str, str)
         The messages that start and stop the watchdog, each with its reply.
     **strings : str
-        The messages of this supply that differ from the messages of most supplies, by name, such as "volt". The
-        dictionary `family` in this function has the names and the messages of most supplies. "protected?" contains the
-        queries of the protections, each with its reply after an equals sign. "mode" contains, in the same form, the
-        queries of the settings on which a set-point depends. "remote", which is not in `family`, is the message for
-        remote control, which comes first.
+        The messages and replies of this supply that differ from those of most supplies. The names are the keys of the
+        dictionary `family` in this function, for example ``volt="VOLT 12"``. Several messages are separated by ``|``.
+        In "protected?" and "mode", each query is followed by an equals sign and its reply. A further name is "remote":
+        the message for remote control, which comes first.
     """
     family = {
         "volt": "VOLT 12.00",

@@ -272,9 +272,10 @@ class Row:
     """Statistics of a group of experiments, in per cent except for the ratios `over_needed` and `over_needed_least`.
 
     held_percent: share of the intervals that contain the truth (coverage). chance_percent: its 95 % confidence
-    interval. drawn_percent: share of the experiments whose random errors shift the modulus by less than 1.96 standard
-    deviations of this shift. over_needed: half-width of the intervals divided by the half-width with which 95 % would
-    contain the truth; over_needed_least: lower bound of this ratio, with a confidence of 97.5 %.
+    interval. drawn_percent: the random errors of the inputs shift the modulus; share of the experiments in which the
+    shift is less than 1.96 of its standard deviations. over_needed: half-width of the intervals divided by the
+    half-width that would make 95 % of the intervals contain the truth. over_needed_least: lower bound of this ratio,
+    with a confidence of 97.5 %.
     """
 
     name: str

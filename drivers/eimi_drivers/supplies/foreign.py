@@ -37,7 +37,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call the function that is called between two messages, and store its error before the error is passed on."""
+        """Call `between_messages`. If it raises an error, store the error for `raised`, and raise it again."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -45,7 +45,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether an error is the last error of the function that is called between two messages."""
+        """Return whether `error` is the last error of `between_messages`, and therefore not one of the supply's driver."""
         return error is self._last
 
 

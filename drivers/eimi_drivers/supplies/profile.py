@@ -113,9 +113,8 @@ class Profile:
     watchdog : Watchdog, optional
         The watchdog or the output timer inside the supply.
     reads_zero_within_A : float
-        The largest current that a healthy supply measures when no current flows, A. The value has an effect only above
-        20 mA, because a supply with at most 20 mA counts as off by default. The value 0 means that the current is
-        smaller or not known.
+        The largest current that a healthy supply measures when no current flows, A. Up to this current, and always up
+        to 20 mA, the coil counts as off by default. 0 if the largest current is below 20 mA or not known.
     """
 
     driver: str

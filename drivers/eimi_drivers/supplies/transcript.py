@@ -107,7 +107,8 @@ class ReplayedTransport:
         Parameters
         ----------
         kind : str
-            The expected kind: ">", "<", ">!" or "<!".
+            The expected kind: ">" for sent bytes, "<" for read bytes, ">!" for an error while sending, or "<!" for an
+            error while reading.
         doing : str
             A description of the driver's action, for the message.
 
@@ -149,9 +150,10 @@ class ReplayedTransport:
         self._raise_fault(">!")
 
     def read(self, size: int, timeout_s: float, end: bytes = b"") -> bytes:
-        """Return the bytes of the next event. Raises TranscriptMismatch if the next event is not an answer.
+        """Return the recorded answer of the instrument that comes next in the transcript.
 
-        If the next event is an error that was recorded while reading, this error is raised again.
+        If an error comes next that was recorded while reading, this error is raised again. TranscriptMismatch is raised
+        if neither an answer nor such an error comes next.
         """
         self._raise_fault("<!")
         received = self._take("<", f"read {size} bytes")
@@ -160,7 +162,7 @@ class ReplayedTransport:
         return unescaped(received[1])
 
     def reopen(self) -> bool:
-        """Return False, because the connection to an instrument that a file of messages replaces cannot be reopened."""
+        """Return False: a transcript (a file of recorded messages) has no connection that could be reopened."""
         return False
 
     def close(self) -> None:

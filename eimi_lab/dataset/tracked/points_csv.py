@@ -137,9 +137,9 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
 def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
     """Return how far a point may be from the centre line of the beam, as a part of an error message.
 
-    ``key`` is "width_mm" or "depth_mm", and ``size_mm`` is its value. If the size varies along the beam, the text gives
-    the size at the point: the only element of ``modelled_mm``, shape (1,). This size comes from the simulation of the
-    beam, which replaces a step of the size by a short ramp.
+    ``key`` is "width_mm" or "depth_mm", and ``size_mm`` is its value. If ``size_mm`` is a table along the beam, the
+    message gives the width or depth at the point, ``modelled_mm`` with the shape (1,). It is that of the simulated
+    beam, in which a step of the table is replaced by a short ramp.
     """
     if not rows_of(size_mm):
         return f"within half of {key} = {size_mm:g}"

@@ -112,8 +112,8 @@ def points_over_outlines(contents: DatasetContents, simulated: Prediction[ShownF
 def picture_of(report: ReportContents) -> Picture | None:
     """Return the picture of the beam for the first page of a report; None without datasets.
 
-    The picture shows the first dataset that the fit of the first finding (result in words) simulates. If this fit
-    simulates no dataset, the picture shows the last dataset.
+    The first page begins with the result of one fit. The picture shows the first dataset that was simulated with this
+    fit. If no dataset was, the picture shows the last dataset. Without a fit, it shows the first dataset.
     """
     results = findings(report)
     best_fit = results[0].shown if results else None

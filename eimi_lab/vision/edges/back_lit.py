@@ -252,9 +252,9 @@ class BackLitSearch:
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return texts on how much the fitted modulus is wrong if the beam is turned about its axis.
+        """Return the texts that fill the placeholders in the advice of the quality checks, by name of the placeholder.
 
-        The keys are the words in braces that the texts replace in the advice of the quality checks.
+        They say how much a rotation of the beam about its axis changes the fitted modulus.
         """
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)

@@ -74,7 +74,8 @@ class Side:
     sigma_px : ndarray, shape (n,)
         Standard deviation of the offset by the noise of the image, up to a factor that all points of the image share.
     common_px : ndarray, shape (n,)
-        Standard deviation of an error of the offset that neighbouring points share, up to the same factor.
+        Standard deviation of the error of the offset that is the same for neighbouring points, because the width of the
+        silicone beside the magnet is uncertain. It has the same factor as `sigma_px`.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int
@@ -124,7 +125,7 @@ class PassResult:
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether an edge point was located on each normal, in the half of its edge near the clamp."""
+        """Whether each line across an edge is in the half near the clamp, and an edge point was located on it."""
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
@@ -363,7 +364,11 @@ def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths at which an edge is searched, and a number s: every s-th point is stored."""
+    """Return evenly spaced arc lengths at which an edge is searched, and a number s: every s-th point is stored.
+
+    The stored points are `spacing` apart, or farther if there would be too many. If this distance exceeds `widest`,
+    further points between them are searched. These serve to estimate the scatter.
+    """
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)
     gap = length / max(gaps, 1)

@@ -60,7 +60,8 @@ def light_findings(
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
     """Estimate the gamma of the camera from the edges near the clamp; None if the picture does not determine it.
 
-    `inverted_from` is the full scale of the camera for a negative, else None.
+    `inverted_from` is None, unless the picture was turned into a negative (dark for bright). It is then the full scale
+    of the camera.
     """
     near, steps, stations = edge_pass.near_clamp, edge_pass.steps, edge_pass.stations_px
     profiles, offset, bright = edge_pass.profiles[near], steps.offset_px[near], steps.bright[near]

@@ -118,9 +118,10 @@ def _is_probably_the_beam(followed: FollowedBeam) -> bool:
 
 
 def _reason_of(followed: FollowedBeam) -> str:
-    """Return in words the first quality check that makes the edges of a followed body unusable.
+    """Return in words why the edges of a followed body are unusable: the first quality check that they fail.
 
-    The text is empty if there is no such check, or if the body is short.
+    The text is empty if there is no such check, or if the body was followed over less than a tenth of the beam's
+    length.
     """
     share = followed.findings.get("followed_beyond", 0.0)
     grave = (flag for flag in judge(followed.findings, None, followed.words) if leaves_out([flag]))

@@ -32,6 +32,8 @@ _APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no di
 class CentreLine:
     """An expected centre line of the beam, which guides the search for the beam.
 
+    Each step of the search has a gain. The search prefers paths with a large sum of gains.
+
     Attributes
     ----------
     points : ndarray, shape (n, 2)
@@ -41,9 +43,9 @@ class CentreLine:
     free_px : ndarray, shape (n,)
         Distance from each point of the line within which the search may go without a cost.
     evidence : float
-        Gain of a search step within this distance.
+        Gain of a step within the distance `free_px` from the line.
     largest_cost : float
-        Largest cost (negative gain) of a search step farther from the line.
+        Largest cost of a step farther from the line: its gain is negative, but not below minus this value.
     """
 
     points: Array

@@ -16,7 +16,7 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Add to the measured values how far the farthest clicked point lies from the path of the followed beam.
+    """Store how far the farthest clicked point lies from the path of the followed beam, for the quality checks.
 
     Parameters
     ----------
@@ -30,8 +30,9 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     Returns
     -------
     FollowedBeam
-        The result with this distance, beyond the error of a click, in widths of the beam. The result is unchanged if
-        the beam was too narrow to be followed.
+        The result of following with this distance in ``findings``. The possible error of a click is subtracted from the
+        distance, which is given in widths of the beam. The result is unchanged if the beam was too narrow to be
+        followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:

@@ -156,7 +156,12 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return what uneven light adds to the weighted colours along lines across the edge."""
+        """Return the part of profiles (weighted colours on lines across the edge) that uneven light causes.
+
+        place: arc lengths of the lines on the curve, px. station: index of the weights of each line. u: distances of
+        the points of a line from the curve, px. blur: standard deviation of the blur, px. The result has one row for
+        each line.
+        """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
         for way in (-1.0, 1.0):
@@ -182,7 +187,11 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return, for each line across the edge, the median slope of its neighbours; 0 if too few of them are straight."""
+    """Return the slope that the grey values beside the edge have in each profile and in its neighbours, (n,).
+
+    A straight line was fitted to each of n profiles on one side of the edge, with the slope `slope` and the residual
+    `residual_rms`. The result is the median slope of neighbouring profiles; 0 if a straight line fits too few of them.
+    """
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
     neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)

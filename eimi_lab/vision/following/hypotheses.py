@@ -188,7 +188,11 @@ def updated_templates(
 
 
 def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
-    """Return the variance of the colours of each band, summed over the channels, and at least `least`."""
+    """Return the variance of the colours in each band that counts as noise, summed over the channels.
+
+    It decides how large a change of colour counts as an edge. It is the sum of a lower limit `least`, of the variance
+    along the band (`scatter`), and of a part of the variance across the band, whose colours are `inside`.
+    """
     # only a part of the variance across the band, because a round beam is shaded, and shading is no noise
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 

@@ -168,6 +168,9 @@ def _turn(seam: Array, arm: int) -> Array:
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
     """Return at which of n places a line is an edge of the beam, and not, say, the border of a shadow.
 
+    The line is reliable at runs of places, with gaps between them. Runs that continue each other form a chain. The
+    result is True at the places of the longest chain.
+
     Parameters
     ----------
     seam : ndarray, shape (n, 2)
@@ -179,7 +182,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
     scale : float
         Width of the beam in the specimen file, px.
     lever : int
-        Number of places over which the direction of the edge before a gap is measured.
+        Number of places before a gap over which the direction of the line is measured.
     """
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[_Chain] = []

@@ -76,10 +76,11 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return, for each law, the `Reading` of a card by Abaqus or ANSYS: how the program interprets the constants.
+    """Return, for each law, how Abaqus or ANSYS interprets the constants in a material card.
 
-    The two programs use the same keywords, but scale some constants differently (`ansys`: whether the program is
-    ANSYS). `of_yeoh` and `of_ogden` compute the bulk modulus from the constants of a card of Yeoh's and of Ogden's law.
+    `ansys` says whether the program is ANSYS; the programs have the same keywords, but define some constants
+    differently. `of_yeoh` and `of_ogden` compute the bulk modulus from the constants of Yeoh's and of Ogden's law, for
+    which the programs also differ.
     """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)

@@ -1,4 +1,4 @@
-"""The answers of the dashboard's server contain exactly what they should, and nothing else."""
+"""Each answer of the dashboard's server has all fields and values that it should have, and no others."""
 
 from __future__ import annotations
 

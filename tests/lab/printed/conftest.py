@@ -123,9 +123,9 @@ def shown() -> Callable[..., ShownFit]:
 
 @pytest.fixture
 def validation() -> Callable[..., Validation]:
-    """Return a function that makes the validation (the errors) of a fit on its own dataset, with replaced numbers.
+    """Return a function that makes the validation (the errors) of a fit on its own dataset, with invented numbers.
 
-    The arguments `changes` replace further fields of the validation.
+    The keyword arguments `changes` of this function replace fields of the validation.
     """
 
     def validation(of: FitRecord, **changes: Any) -> Validation:

@@ -37,9 +37,10 @@ _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def described(value: Any, name: str = "") -> Iterator[str]:
-    """Yield one line for each text, number and graphical mark in a value of a panel.
+    """Yield one line for each text, number and graphical mark in a part of a report.
 
-    Each line begins with the place of the text, number or mark in the value.
+    Each line begins with a path, such as "name.rows.0": `name`, and the keys and indices that lead to the text, number
+    or mark.
     """
     if isinstance(value, Figure):
         yield from figure(value, name)

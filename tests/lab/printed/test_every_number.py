@@ -120,9 +120,10 @@ def numbers_of_a_fit(fit: FitRecord, evidence: Evidence, shown: Shown) -> dict[s
 
 
 def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each figure of one fit in a report, from which stored result each printed number comes.
+    """Return, for each plot of one fit in a report, from which stored result each printed number comes.
 
-    An entry has the field of the stored results, the factor from this field to the printed number, and the unit.
+    The keys are the names of the plots. An entry of a list is a text with the path of the stored number, the printed
+    number divided by the stored number, and the unit.
     """
     names = ("mu", "moment")
     small = tuple(BudgetEntry("depth", "depth", 0.01, "mm", (0,), effect) for effect in (0.25, 0.2, 0.15))
@@ -150,9 +151,10 @@ def numbers_of_the_figures_of_a_fit(fit: FitRecord, shown: Shown) -> dict[str, l
 
 
 def numbers_of_the_figures_of_predictions(fit: FitRecord, shown: Shown) -> dict[str, list[str]]:
-    """Return, for each figure that compares two laws, from which predicted value each printed number comes.
+    """Return, for each plot that compares two laws, from which predicted value each printed number comes.
 
-    The predictions are invented numbers. An entry has the place of the invented number, the factor, and the unit.
+    The predicted values are invented. The keys are the names of the plots. An entry of a list is a text with the path
+    of the predicted value, the printed number divided by this value, and the unit.
     """
     content = {
         "states": [{"index": k, "field_mT": field} for k, field in enumerate((0.67, 3.49, 6.83))],

@@ -34,9 +34,9 @@ class _Printed:
 
 
 def filled(content: Any, start: int = 0) -> Any:
-    """Return nested lists and dictionaries in which all numbers are replaced by different ones, of about the same size.
+    """Return nested lists and dictionaries in which floats are changed by small shares, so that equal floats differ.
 
-    start: the number of the first replacement.
+    start: how many floats were changed before; the shares continue from there.
     """
     count = start
 
