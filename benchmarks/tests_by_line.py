@@ -86,7 +86,7 @@ class TestsByLine:
 
         The tests are chosen as follows:
 
-        - If the line is in a function: the tests that execute the line. If a test executes it in a fixture (the setup of
+        - If the line is in a function: the tests that execute the line. If a test executes it in a fixture (a setup of
           tests), then also the other tests in the same file, because these may use the fixture.
         - If the line is outside all functions, so that only the first import of the module executes it: first the tests
           in files that import the module or every module of the project, then the tests that execute any line of the

@@ -72,7 +72,7 @@ class CoilShapeTable(Table):
 
     @property
     def is_uneven(self) -> bool:
-        """Whether the field varies with the position: the file gives loops of wire, a map or a gradient of the field."""
+        """Whether the field varies with the position: the file gives loops of wire, a map or a gradient."""
         return not (self.radius_mm is None and self.map is None and self.gradient_per_m is None)
 
     def _grid(self) -> FieldTable:

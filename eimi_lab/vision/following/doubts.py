@@ -71,7 +71,7 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length where a colour beside it is clipped (saturated): the larger of both edges."""
+    """Return the share of an edge's length where a colour beside it is clipped (saturated), for the worse edge."""
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):
