@@ -45,7 +45,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` is the last error of `between_messages`, and therefore not one of the supply's driver."""
+        """Return whether `error` is the last error of `between_messages`, and not one of the driver."""
         return error is self._last
 
 
