@@ -1,15 +1,15 @@
-"""The forward model of the beam: compute its shape in every state from a specimen, a hyperelastic law and loads.
+"""The forward model of the beam: compute its bent shapes from a specimen, a hyperelastic law and loads.
 
 bending        `Beam`, the public model for every section
 specimen       the beam and its magnet
 rest_shape     the stress-free shape of a beam that is not a straight strip
 rest_modes     smooth deviations from the given rest shape
-strip          the map from a straight strip to the shape at rest
-loads          the loads of all states: a sum of kinds of load (actuations)
+strip          the map from a straight reference beam to the shape at rest
+loads          the loads in a sequence of load states: a sum of kinds of load (actuations)
 actuation      the interface of one kind of load
 kinds_of_load  a field, gravity, a force at the tip, a pressure
 coil_field     the non-uniform field of a coil, and its loads on a magnet and on silicone
-model          `BeamModel`, the planar model
+model          `BeamModel`, the planar finite-element model
 grid           the planar mesh of a specimen
 mesh           structured meshes of quadrilaterals
 element        the planar element Q2/P1
@@ -19,13 +19,13 @@ solid_grid     the solid mesh of a specimen
 bricks         structured meshes of hexahedra
 brick          the solid element with 27 nodes
 isotropy       stress and tangent of an isotropic law at many points
-beside         `SolidBeside`, the solid model, solved with its planar model as the start
+beside         `SolidBeside`, the solid model, solved quickly with the help of the planar model
 depth_effect   the difference between the shape of a solid model and the shape of its planar model
 rigid          the magnet as a rigid body
 equilibrium    Newton's method for a batch of candidate laws
 system         the linear system of a Newton step
 band           band matrices of a whole batch
-path           solution of a sequence of states, one after another or all at once
+path           equilibria under a sequence of loads, one after another or all at once
 inertia        masses of the silicone and of the magnet
 transient      the motion of the beam in time, with inertia and with the internal variables of viscoelastic laws
 vibration      small vibrations about an equilibrium: shapes, and matrices of stiffness and mass

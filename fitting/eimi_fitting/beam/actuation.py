@@ -142,7 +142,8 @@ class LoadedMesh:
     magnet_face_mm : ndarray, shape (2,)
         The reference point of the rigid body at rest: the middle of the magnet's inner face.
     magnet_centre_mm : ndarray, shape (2,)
-        The centre of mass of the rigid body at rest, as a vector (x, y) from the reference point.
+        The middle of the magnet at rest, as a vector (x, y) from the reference point. It is taken as the centre of mass
+        of the rigid body.
     magnet_dipole : ndarray, shape (2,)
         Magnetic moment at rest in N mm/T.
     """
@@ -199,13 +200,13 @@ class LoadedMesh:
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
-        """Add a dead force (2,), which keeps its direction and size, to the sum of all loads.
+        """Add a dead force, which keeps its direction and size, to the sum of all loads.
 
         Parameters
         ----------
         force : ndarray, shape (2,)
-            Force in N on the mesh. A mesh that contains only a part of the specimen, such as half of its depth, carries
-            this part (``share``) of the force on the specimen.
+            Force (x, y) in N on the mesh. A mesh that contains only a part of the specimen, such as half of its depth,
+            carries this part (``share``) of the force on the specimen.
         point_mm : ndarray, shape (2,)
             Position (x, y) at rest of the material point on which the force acts.
         total : SolidLoads

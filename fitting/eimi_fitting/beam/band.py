@@ -109,9 +109,10 @@ class BandAssembly:
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Add the element matrices to the band matrix of the whole mesh, (B, n, bandwidth + 1), for B candidate laws.
+        """Return the band matrix of the whole mesh, the sum of the element matrices, (B, n, bandwidth + 1).
 
-        parts: for each group of e consecutive elements, the matrices of these elements, (e, B, d, d).
+        There are B candidate laws and n unknowns. parts: for each group of e consecutive elements, the matrices of
+        these elements, (e, B, d, d) with d unknowns in each element.
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -127,7 +128,7 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Add the element vectors to the vector of the whole mesh, and return it for each of B candidate laws, (B, n).
+        """Return the vector of the whole mesh, the sum of the element vectors, for B candidate laws, (B, n).
 
         There are n unknowns. element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
         """
@@ -163,7 +164,7 @@ class BandFactor:
     def solve(self, right: Array) -> Array:
         """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
 
-        The solution is zero for a candidate whose matrix could not be factorised.
+        There are B matrices with n rows. The solution is zero for a matrix that could not be factorised.
         """
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:

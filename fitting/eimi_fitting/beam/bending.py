@@ -145,14 +145,14 @@ class BentBeam:
 
 
 class Beam:
-    """The forward model of a specimen: the planar or solid finite-element model that the specimen's section selects.
+    """The finite-element model of a specimen, planar or solid as its ``section`` says.
 
     Parameters
     ----------
     specimen : Specimen
         The beam, with its magnet if it has one.
     along : int
-        Number of elements along the flexible part.
+        Number of elements along the flexible part, between the clamp and the magnet.
     across : int or None
         Number of elements across the width. None: chosen from the proportions of the beam.
 
@@ -163,7 +163,7 @@ class Beam:
 
     Examples
     --------
-    The rotations of the tips of two beams, of 40 kPa and 50 kPa, without a field and in a field of 5 mT:
+    Two laws, with shear moduli of 40 kPa and 50 kPa, and two load states, without a field and in a field of 5 mT:
 
     >>> from eimi_fitting import Beam, Loads, Magnet, Specimen
     >>> magnet = Magnet(
@@ -199,7 +199,7 @@ class Beam:
         bulk_modulus_Pa: ArrayLike | None = None,
         field_factor: ArrayLike | None = None,
     ) -> BentBeam:
-        """Find the equilibrium of one candidate law, or of P candidate laws, in K states, one state after another.
+        """Find the equilibrium of one candidate law, or of P candidate laws, in K load states, one after another.
 
         Parameters
         ----------
@@ -208,7 +208,7 @@ class Beam:
         parameters : array_like, shape (n,) or (P, n)
             The n parameters of the law for one candidate or for P candidate laws; moduli in Pa.
         loads : Loads
-            The loads in K states.
+            The loads in K load states.
         bulk_modulus_Pa : array_like, shape () or (P,), or None
             Bulk modulus in Pa; None for an incompressible material.
         field_factor : array_like, shape () or (P,), or None

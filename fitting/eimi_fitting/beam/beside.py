@@ -118,7 +118,7 @@ class SolidBeside:
     def has_mesh_of(self, model: BeamModel) -> bool:
         """Return whether a planar model has the same mesh and specimen as the planar model of this object.
 
-        The section is not compared.
+        The two specimens may differ in ``section``.
         """
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
@@ -135,7 +135,7 @@ class SolidBeside:
         field_factor: Array | None = None,
         options: SolidOptions | None = None,
     ) -> SolidShapes:
-        """Find the equilibrium of the solid model for one candidate law in K states.
+        """Find the equilibrium of the solid model for one candidate law in K load states.
 
         Parameters
         ----------

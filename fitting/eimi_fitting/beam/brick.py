@@ -141,9 +141,9 @@ class Evaluation(NamedTuple):
     J : ndarray, shape (E, B, q)
         Determinant of F.
     S : ndarray, shape (6, E, B, q)
-        Second Piola-Kirchhoff stress in MPa, with the pressure.
+        Second Piola-Kirchhoff stress in MPa, with the contribution of the pressure.
     D : ndarray, shape (6, 6, E, B, q)
-        Derivative of S by the Green strain.
+        Derivative of S by the Green strain, in MPa.
     volume : ndarray, shape (6, E, B, q)
         Derivative of S by the pressure, J C^-1 with C = F^T F.
     valid : ndarray of bool, shape (B,)

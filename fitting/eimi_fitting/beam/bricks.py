@@ -39,7 +39,7 @@ def brick_mesh(
     z_mm: Array,
     mapping: Callable[[Array, Array, Array], tuple[Array, Array, Array]] | None = None,
 ) -> Bricks:
-    """Return the hexahedra between the increasing coordinates x_mm, y_mm and z_mm of the grid's lines.
+    """Return a mesh of hexahedra between grid lines at the increasing coordinates x_mm, y_mm and z_mm.
 
     mapping: function of x, y and z in mm that returns the positions of the nodes; None: the nodes stay on the grid.
     """
@@ -58,7 +58,7 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """Return the 27-node Lagrange functions at n points of the reference cube, (n, 27), and derivatives, (n, 27, 3).
+    """Return 27 Lagrange shape functions at n points of the reference cube, (n, 27), and derivatives, (n, 27, 3).
 
     xi, eta, zeta: coordinates (n,) of the points, -1 to 1.
     """

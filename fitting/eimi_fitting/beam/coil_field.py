@@ -84,7 +84,7 @@ class FieldTable:
     def of_loops(
         radius_mm: float, gap_mm: float, centre_mm: tuple[float, float], axis: tuple[float, float], reach_mm: float
     ) -> FieldTable:
-        """Return the field of two equal coaxial current loops.
+        """Return the field of two equal coaxial current loops, divided by the current, in T/A.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """The planar mesh of a specimen: lines along and across the beam, with quadratic elements between them.
 
-The lines lie in a straight strip (a straight beam of constant width), which `beam.strip` maps to the shape of the
-specimen at rest.
+The lines lie in a reference beam (a straight beam of constant width and depth), which `beam.strip` maps to the specimen
+at rest.
 
 The magnet is rigid. Its nodes move with one rigid body, and the mesh has no elements in the magnet. The silicone beside
 a magnet that is narrower than the beam has elements, and so has the silicone between the magnet and the tip.

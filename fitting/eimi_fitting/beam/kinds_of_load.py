@@ -23,7 +23,7 @@ class UniformField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components of the magnetic flux density in T, in K states.
+        Components (x, y) of the magnetic flux density in T, in K load states.
     """
 
     numbers: Array
@@ -53,7 +53,7 @@ class CoilField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components of the magnetic flux density in T at the position of the magnet at rest, in K states.
+        Components (x, y) of the magnetic flux density in T at the position of the magnet at rest, in K load states.
     shape : CoilShape
         The ratio of the field at any point to the field at the position of the magnet at rest.
     """
@@ -86,7 +86,7 @@ class Gravity:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components of the acceleration in m/s², in K states.
+        Components (x, y) of the acceleration in m/s², in K load states.
     """
 
     numbers: Array
@@ -113,7 +113,7 @@ class TipForce:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components of the force in N, in K states.
+        Components (x, y) of the force in N, in K load states.
     """
 
     numbers: Array
@@ -138,7 +138,7 @@ class Pressure:
     Parameters
     ----------
     numbers : ndarray, shape (K, 1)
-        Pressure in Pa, in K states.
+        Pressure in Pa, in K load states.
     """
 
     numbers: Array

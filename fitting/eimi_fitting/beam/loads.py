@@ -1,4 +1,4 @@
-"""The loads on one specimen in a sequence of states: the sum of several actuations."""
+"""The loads on one specimen in a sequence of load states: the sum of several kinds of load (actuations)."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Loads:
         pressure_Pa: ArrayLike = 0.0,
         tip_force_angle_deg: ArrayLike | None = None,
     ) -> Loads:
-        """Return the loads in K states from magnitudes and angles.
+        """Return the loads in K load states from their magnitudes and angles.
 
         All angles are in the beam frame, from +x toward +y.
 
@@ -91,7 +91,7 @@ class Loads:
         pressure_Pa : array_like, shape (K,) or ()
             Pressure on the pressure face in Pa.
         tip_force_angle_deg : array_like, shape (K,) or (), or None
-            Direction of the tip force; None: along gravity.
+            Direction of the tip force; None: the direction of gravity.
 
         Raises
         ------

@@ -110,7 +110,7 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Return the three-node Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
+    """Return three quadratic Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),
@@ -119,7 +119,7 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return the nine-node Lagrange functions at n points of the reference square, (n, 9), and derivatives, (n, 9, 2).
+    """Return nine Lagrange shape functions at n points of the reference square, (n, 9), and derivatives, (n, 9, 2).
 
     xi, eta: coordinates (n,) of the points, -1 to 1.
     """

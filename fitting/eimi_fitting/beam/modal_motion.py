@@ -79,11 +79,11 @@ def complex_roots(
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidate laws, reduced to m shapes: the stiffness due to the tangent of the law, the
-        stiffness due to stresses and loads, and the mass.
+        K_m, K_g and M of B candidate laws, for motions that are sums of m shapes: the stiffness due to the tangent of
+        the law, the stiffness due to stresses and loads, and the mass.
     ratio : callable
         The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the static modulus,
-        with which the equilibrium was computed, (B, count).
+        (B, count). The static modulus is that of the equilibrium.
     count : int
         Number of modes; at most the number of shapes is returned.
 
@@ -149,9 +149,9 @@ def fixed_point(
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
     """Return the lowest squared angular frequencies for each of q modulus ratios, (B, q, count) in 1/s².
 
-    material, rest, mass: for B candidate laws, the stiffness due to the tangent of the law, the stiffness due to
-    stresses and loads, and the mass, (B, m, m) each. stiffening: modulus in the vibration divided by the static
-    modulus, (q,).
+    material, rest, mass: for B candidate laws and motions that are sums of m shapes, the stiffness due to the tangent
+    of the law, the stiffness due to stresses and loads, and the mass, (B, m, m) each. stiffening: modulus in the
+    vibration divided by the static modulus, (q,).
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
@@ -160,8 +160,8 @@ def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening:
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
     """Return the two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each.
 
-    material, rest, mass: for B candidate laws, the stiffness due to the tangent of the law, the stiffness due to
-    stresses and loads, and the mass, (B, m, m) each.
+    material, rest, mass: for B candidate laws and motions that are sums of m shapes, the stiffness due to the tangent
+    of the law, the stiffness due to stresses and loads, and the mass, (B, m, m) each.
     """
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))

@@ -21,7 +21,7 @@ __all__ = ["BeamModel", "Shapes"]
 
 
 class BeamModel:
-    """The planar model of a specimen, for any number of candidate laws.
+    """The planar finite-element model of a specimen, for any number of candidate laws at once.
 
     The magnet is rigid, with the silicone in front of it and behind it, seen from the camera. Loads and stiffnesses are
     per mm of depth.
@@ -44,7 +44,8 @@ class BeamModel:
 
     Examples
     --------
-    Two candidates of 40 kPa and 50 kPa in two states. The tip of the stiffer beam turns less:
+    Two laws with shear moduli of 40 kPa and 50 kPa, without a field and in a field of 5 mT. The tip of the stiffer beam
+    turns less:
 
     >>> import numpy as np
     >>> from eimi_fitting import LAWS, BeamModel, Loads, Magnet, Specimen
@@ -103,7 +104,7 @@ class BeamModel:
         return BeamModel(self.specimen, 2 * self.along, 3 * self.across, self.plane)
 
     def halved(self) -> BeamModel:
-        """Return a model of the same specimen with elements of half the size."""
+        """Return a model of the same specimen with twice as many elements along and twice as many across."""
         return BeamModel(self.specimen, 2 * self.along, 2 * self.across, self.plane)
 
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
@@ -189,7 +190,7 @@ class BeamModel:
         keep: bool = False,
         near: Configuration | None = None,
     ) -> Shapes:
-        """Find the equilibrium of P candidate laws in K states, one state after another.
+        """Find the equilibrium of P candidate laws in K load states, one state after another.
 
         Parameters
         ----------
@@ -198,22 +199,22 @@ class BeamModel:
         parameters : ndarray, shape (P, n)
             The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads
-            The loads in K states.
+            The loads in K load states.
         tolerance_mm : float
             Newton's method ends when every node moves by less than this distance in an iteration.
         start : Configuration or None
-            The configuration at which the solution of the first state begins: ``Shapes.last`` of an earlier result.
-            None: the configuration at rest.
+            The configuration with which Newton's method begins in the first state: ``Shapes.last`` of an earlier
+            result. None: the configuration at rest.
         bulk_modulus_Pa : ndarray, shape (P,), or None
             Bulk modulus in Pa; None for an incompressible material.
         field_factor : ndarray, shape (P,), or None
             Factor on the magnetic loads of each candidate, because the magnetic moment or the coil constant is
             uncertain.
         keep : bool
-            Keep the configurations of the first candidate in ``Shapes.every``.
+            Keep the configurations of the first candidate in ``Shapes.every``, for use as ``near``.
         near : Configuration or None
             ``Shapes.every`` of an earlier result for a similar candidate. All states are then solved at once, starting
-            at these configurations. If the solution fails, or if the earlier mesh has other nodes, the states are
+            at these configurations. If the solution fails, or if the number of nodes is different, the states are
             solved one after another.
 
         Raises

@@ -1,4 +1,4 @@
-"""Solve a sequence of states, each under given loads, one after another or all at once.
+"""Compute the equilibria under a sequence of loads (load states), one after another or all at once.
 
 If the states are solved one after another, the solution of each state begins at an extrapolation of the earlier states.
 The solutions are meant to follow one equilibrium path: the curve of equilibria that the beam passes through while the
@@ -108,7 +108,7 @@ class Candidates:
     field_factor : ndarray, shape (P,), or None
         Factor on the magnetic loads of each candidate; None: 1 for all candidates.
     sound : ndarray of bool, shape (P,)
-        Whether a candidate has only finite parameters and a positive shear modulus.
+        Whether the parameters of a candidate are finite and its moduli positive. Other candidates are not solved.
     """
 
     batch: Batch

@@ -12,14 +12,14 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The motion of the nodes of a rigid body (the magnet), and of the elements that have such nodes.
+    """The nodes that move with a rigid body (the magnet), and the displacements of these nodes and of their elements.
 
     Attributes
     ----------
     nodes : ndarray of int, shape (T,)
         The T nodes that move with the body.
     arms : ndarray, shape (T, 2)
-        The vectors (x, y) from the reference point to the T nodes at rest, in mm.
+        The vectors (x, y) from the reference point of the body to the T nodes at rest, in mm.
     elements : ndarray of int, shape (Et,)
         The Et elements that have at least one of the T nodes.
     """

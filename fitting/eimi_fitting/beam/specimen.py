@@ -30,9 +30,10 @@ class Magnet:
     density_kg_m3 : float
         Density of the magnet.
     tip_offset_mm : float
-        Distance from the end of the magnet to the tip of the specimen.
+        Distance between the magnet and the tip of the specimen.
     magnetisation_angle_deg : float
-        Angle from the magnet's long axis to the magnetisation, in the plane of the picture, from +x toward +y.
+        Angle from the direction of the magnet's length to the magnetisation, in the plane of the picture, from +x
+        toward +y.
 
     Examples
     --------
@@ -136,7 +137,7 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """The section of a planar model of this specimen."""
+        """The assumption for a planar model of the specimen: ``section``, or "plane-stress" for a solid section."""
         return "plane-stress" if self.section == "solid" else self.section
 
     @property
@@ -147,8 +148,8 @@ class Specimen:
 
     @property
     def field_place_mm(self) -> float:
-        """The distance in mm from the clamp to the middle of the magnet; without a magnet, to the middle of the beam.
+        """The distance in mm from the clamp to the point at which a non-uniform field is specified.
 
-        The strength of a field is specified there.
+        The point is the middle of the magnet; without a magnet, it is the middle of the beam.
         """
         return self.flexible_length_mm + 0.5 * self.magnet.length_mm if self.magnet else 0.5 * self.length_mm

@@ -1,11 +1,11 @@
-"""The geometry of a specimen at rest, as a map from a straight strip of constant width and depth to the rest shape.
+"""The geometry of a specimen at rest, as a map from a straight reference beam of constant width and depth.
 
-A point of the straight strip has the coordinates (s, t): the arc length s of the centre line from the clamp, and the
+A point of the reference beam has the coordinates (s, t): the arc length s of the centre line from the clamp, and the
 distance t from the centre line. Meshes consist of lines of constant s and t, which are mapped by
 
     x(s, t) = c(s) + n(s) t w(s) / w_0
 
-with the centre line c, its unit normal n, the width w(s) and the width w_0 of the straight strip. A magnet is a rigid
+with the centre line c, its unit normal n, the width w(s) and the width w_0 of the reference beam. A magnet is a rigid
 block, and the map does not deform it: along the magnet the centre line is straight, and the sides of the magnet keep
 their distance from the centre line.
 """

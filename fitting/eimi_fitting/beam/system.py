@@ -121,9 +121,9 @@ class System:
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
             Three arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation;
-            None without a body. The first array tells how the Et elements at the body move with it: the derivatives of
-            their unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the stiffness of the
-            body itself, (B, 3, 3), and the third the loads on the body, (B, 3) or (1, 3).
+            None without a body. The first array tells how the Et elements with nodes on the body move with it: the
+            derivatives of their unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the
+            stiffness of the body itself, (B, 3, 3), and the third the loads on the body, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool

@@ -77,7 +77,7 @@ class Transient:
     series : Prony
         One Prony series with m terms.
     loads : Loads
-        Loads in one state. The motion starts from rest in the equilibrium under these loads.
+        The loads at the start, in one load state. The beam starts at rest in the equilibrium under these loads.
 
     Raises
     ------
@@ -147,7 +147,7 @@ class Transient:
         step_s : float
             Length of the step in s.
         loads : Loads
-            The loads in one state, which act at the end of the step.
+            The loads at the end of the step, in one load state.
         with_inertia : bool
             False: neglect inertia, for slow creep. The steps may then be longer than a period of vibration.
 
@@ -283,7 +283,7 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Compute velocities, accelerations and stresses at the end of a time step, and make them the present state.
+        """Compute velocities, accelerations and stresses at the end of a time step, and store them as the present ones.
 
         Parameters
         ----------

@@ -82,7 +82,7 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the matrices of small motions of B candidate laws, reduced to a few shapes, and their equilibria.
+        """Return the matrices of small motions of B candidate laws as sums of a few shapes, and the equilibria.
 
         Parameters
         ----------
@@ -91,11 +91,11 @@ class Vibration:
         parameters : ndarray, shape (B, n)
             The n parameters of the law for each candidate; moduli in Pa.
         loads : Loads
-            The loads in one state.
+            The loads in one load state.
         field_factor : ndarray, shape (B,), or None
             Factor on the magnetic loads of each candidate.
         basis : tuple of ndarray, or None
-            The m shapes to which the motion is reduced. The first array contains the displacements of the N nodes with
+            The m shapes whose sums describe the motion. The first array contains the displacements of the N nodes with
             d coordinates in each shape, (m, N, d). The second array contains the translation and rotation of the magnet
             in each shape, (m, 3). None: the shapes are the lowest undamped modes of each candidate, which ``shapes``
             and ``stiffenings`` specify.
