@@ -91,7 +91,7 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """The same residuals without those of the priors on the law's parameters."""
+        """This evaluation without the residuals of the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property

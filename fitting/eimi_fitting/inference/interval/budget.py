@@ -88,7 +88,7 @@ class Moves:
     steps : Steps
         The change of the fitted values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
-        Errors for any other reason, scaled as ``unit``; 0 by default.
+        Further errors, such as those due to the test bench, scaled as ``unit``; 0 by default.
     """
 
     unit: Array

@@ -331,7 +331,7 @@ def _modulus(law: Law, unknowns: Unknowns, units: Array) -> Array:
 def _quantities(
     law: Law, unknowns: Unknowns, moves: Moves, sources: Sequence[ConsideredSources], seed: int
 ) -> dict[str, Any]:
-    """Return the parameters, moduli, fitted inputs and random draws of an `Estimate`, by field name."""
+    """Return parameters, moduli, fitted inputs and random draws, as a dictionary of attributes of an `Estimate`."""
     drawn_units = moves.units(), moves.units(of_sources=0.0)
     kept = [thinned(_modulus(law, unknowns, units)) for units in drawn_units]
     all_sources, fit_alone = (units[rows] for units, rows in zip(drawn_units, kept, strict=True))
