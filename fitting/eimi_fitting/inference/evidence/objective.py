@@ -91,7 +91,7 @@ class Evaluation:
 
     @property
     def without_law_priors(self) -> Evaluation:
-        """This evaluation without the residuals of the priors on the law's parameters."""
+        """The evaluation without the residuals of the priors on the law's parameters."""
         return replace(self, law_priors=self.law_priors[:, :0])
 
     @property
