@@ -70,7 +70,7 @@ class IdentifiedLaw(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(IdentifiedLaw):
-    """An identified hyperelastic law, with the residuals at the optimum for K measured states of load.
+    """An identified hyperelastic law, with the residuals at the optimum for K measured load states.
 
     It also has the fields of `IdentifiedLaw` and `Estimate`.
 

@@ -102,7 +102,7 @@ def identify(
         Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
         seed.
     possible_causes : sequence of PossibleCause
-        Possible errors of the experiment, such as an inclined camera, that are compared with the residuals. If the
+        Possible errors of the experiment, such as a tilted camera, that are compared with the residuals. If the
         sequence is empty, the fit reports no cause of the residuals, and takes half of the time or less.
 
     Returns

@@ -39,9 +39,9 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """Measurements that a law of viscoelasticity must explain, such as one ring-down (a free vibration).
+    """Measurements to which a viscoelastic law is fitted, such as one ring-down (a free vibration).
 
-    k is the number of its residuals.
+    They give k residuals.
     """
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
@@ -115,8 +115,8 @@ class RingEvidence:
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the deviations of computed from measured ln(frequency) and loss factor for P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty. load_log: for each law, the logarithm of a factor on the magnetic
-        loads.
+        There are two deviations for each mode, divided by their standard uncertainties. load_log: for each law, the
+        logarithm of a factor on the magnetic loads.
         """
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
@@ -158,7 +158,7 @@ class RingEvidence:
         """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
         sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes.
+        input that changes; only a vector, such as a background field, has several components.
         """
         return {
             key: np.concatenate(

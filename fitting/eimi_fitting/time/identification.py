@@ -63,10 +63,10 @@ class RecordedMotion:
     motion : Motion
         The measured positions of points over time.
     loads : Loads
-        The loads after the step of the load; they have one state.
+        The loads after the step of the load (one load case).
     before : tuple of (float, Loads)
         The loads before the step, in the order of time. Each pair has the time in s at which a load began, relative to
-        the step, and this load with one state.
+        the step, and this load (one load case).
     """
 
     motion: Motion
@@ -349,7 +349,7 @@ def _at_rest(
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
     """Return the modulus from the sag of the beam at rest, or None, and warnings if it contradicts the vibration.
 
-    The sag is the bending of the beam under its own weight. table: the computed vibrations of the ring-downs that are
+    The sag is the bending of the beam under its own weight. Only ring-downs whose computed vibrations are ``table`` are
     used.
     """
     for (recorded, _), ring in zip(ringing, rings, strict=True):

@@ -137,9 +137,10 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The misfits of several candidate laws in one step of the search for the best one.
+    """The objectives of P candidate laws in one generation of the search, (P,).
 
-    ``objective_mm`` has the root of the sum of the squared residuals, which here has no unit.
+    ``objective_mm`` is the root of the sum of the squared residuals, which here has no unit. ``unconverged`` is true
+    for a law without finite residuals, and ``unstable`` is always false.
     """
 
     objective_mm: Array
@@ -186,7 +187,7 @@ class TimeOptimum:
         """Return the changes of the m unknowns at the optimum if one uncertain input changes by its uncertainty.
 
         effects: for each input that changes, the changes of the k residuals of the data, (components, k). The result
-        has an array (components, m) for each input.
+        has an array (components, m) for each input; only a vector, such as a background field, has several components.
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
@@ -279,8 +280,8 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
     """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed.
 
-    The problems have an increasing number of terms. Few terms are preferred among those that explain the data about
-    equally well.
+    The chosen number is the smallest one that explains the data about as well as any other. The problems have an
+    increasing number of terms.
     """
     optima: list[TimeOptimum] = []
     for problem in problems:

@@ -65,7 +65,7 @@ class RingDown:
         Frequency at small amplitudes and its standard uncertainty.
     decay_loss, decay_loss_sigma : float
         Loss factor of the decay, 2 delta / omega with the decay rate delta and the angular frequency omega, and its
-        standard uncertainty. It differs from the loss factor of the material.
+        standard uncertainty. Weight and field make it differ from the loss factor of the material.
     amplitude_mm : float
         Amplitude at the start of the fitted part of the recording, in the channel with the largest amplitude. A channel
         is one coordinate of one point.
@@ -154,7 +154,7 @@ class LawOfTime:
     doubts : tuple of str
         Reasons to distrust the result, as texts; empty if there is none.
     evaluations : int
-        Number of candidates that were computed.
+        Number of laws for which the residuals were computed.
     wall_s : float
         Time in s that the identification took.
     """
@@ -236,7 +236,7 @@ def result_of(
     load_sigmas : mapping of str to float
         Relative standard uncertainties of the magnetic loads, by name.
     draws, draws_fit : ndarray, shape (D, m)
-        Draws of the m unknowns, with the sources of uncertainty (``draws``) and without (``draws_fit``).
+        D draws of the m unknowns, with the errors of the inputs (``draws``) and without (``draws_fit``).
     doubts : tuple of str
         Warnings about the recordings.
     exposure_s : float or None
@@ -318,7 +318,7 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor on the stated magnetic moment at which static states and motions give the same modulus.
+    """Return the factor on the magnetic moment of the file at which static states and motions give the same modulus.
 
     free: the optimum of a fit with an unknown moment. effects: the changes of the residuals if uncertain inputs change
     by their uncertainties.

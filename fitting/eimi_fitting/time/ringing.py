@@ -195,9 +195,9 @@ class RingTable:
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the factor by which the identified modulus would change if the section were solid.
+        """Return the factor by which the identified modulus would change with a three-dimensional model of the beam.
 
-        The stated section is the one in the specimen file, for example plane strain.
+        It is 1 if the section in the specimen file is solid, so that the modulus already belongs to such a model.
         """
         if self.beam.specimen.section == "solid":
             return 1.0

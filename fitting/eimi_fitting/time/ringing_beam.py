@@ -36,7 +36,7 @@ class RingingBeam:
     specimen : Specimen
         The beam, with its magnet if it has one.
     loads : Loads
-        The loads; they have one state.
+        The loads (one load case).
     law : Law
         The hyperelastic law.
     shape : ndarray, shape (n,)

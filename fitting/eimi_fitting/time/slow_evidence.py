@@ -85,7 +85,7 @@ class LoadHistory:
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
     """Return how strongly gravity resists a rotation of the tip, as a shear modulus in Pa.
 
-    A beam of this shear modulus would resist the rotation as strongly without gravity.
+    Without gravity, a beam of this shear modulus would resist the rotation as strongly.
     """
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
@@ -253,7 +253,7 @@ class StaticEvidence:
         """Return the changes of the residual if one uncertain input, such as the width, changes by its uncertainty.
 
         sources: the standard uncertainties of the inputs, by name. The result has an array (components, 1) for each
-        input that changes.
+        input that changes; only a vector, such as a background field, has several components.
         """
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
@@ -324,7 +324,7 @@ class SlowEvidence:
         """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
 
         sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes.
+        input that changes; only a vector, such as a background field, has several components.
         """
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:

@@ -40,7 +40,7 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
     modulus_Pa : float
         Initial shear modulus.
     loads, before : Loads
-        The loads after the step and the loads before it. Each of the two has one state.
+        The loads after the step of the load, and those before it, with one load case each.
     rest_mm : ndarray, shape (p, 2)
         Positions (x, y) of the points at rest.
     """
