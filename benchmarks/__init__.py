@@ -59,7 +59,7 @@ timing              measure the duration of a function
 
 Code that the benchmarks share with the tests is in `tests/shared`.
 
-All figures were measured with one thread, because more threads do not make matrices of this size faster.
+All results were measured with one thread, because more threads do not make matrices of this size faster.
 """
 
 import os

@@ -31,7 +31,7 @@ class Benchmark:
     words : str
         A sentence that describes the table that the script prints.
     page : str
-        The page of the documentation that explains the figures, as a path relative to docs.
+        The page of the documentation that explains the results, as a path relative to docs.
     arguments : tuple of str
         The arguments of a full run.
     short : tuple of str

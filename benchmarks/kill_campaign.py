@@ -229,7 +229,7 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
 
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
-    """Kill runs at random moments, print the figures, and return the number of runs with a fault.
+    """Kill runs at random moments, print the results, and return the number of runs with a fault.
 
     Parameters
     ----------

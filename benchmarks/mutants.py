@@ -98,7 +98,7 @@ class Mutant:
     wrong : str
         The fragment that replaces `right`.
     tests : tuple of str
-        Files or pytest node identifiers.
+        The tests that concern the mistake: files, or identifiers of single tests in the form of pytest.
     limit_s : float
         Time limit (s) of all tests together.
     is_generated : bool

@@ -145,9 +145,9 @@ class Ranked:
     def is_declared(self) -> bool:
         """Whether the true cause is the most probable one, or cannot be distinguished from it by the data.
 
-        A cause is a property of the bench that differs from its files, and a class contains causes that the data
-        cannot distinguish. If there are two true causes, they must be the first two, or each of the two most probable
-        classes must contain one of them.
+        A cause is a property of the bench that differs from its files, and a class contains causes that the data cannot
+        distinguish. If there are two true causes, they must be the first two, or each of the two most probable classes
+        must contain a true cause.
         """
         return self.is_first or self._is_in_first_classes(len(self.true))
 

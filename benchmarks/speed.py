@@ -2,7 +2,7 @@
 
     python -m benchmarks.speed [FIGURE.png]
 
-The figures are processor times of one thread. A curve consists of the tip positions of a 30 x 3 mm beam with a 4 mm
+All times are processor times of one thread. A curve consists of the tip positions of a 30 x 3 mm beam with a 4 mm
 magnet in 16 fields. A candidate is one set of parameters of a law, and a batch is a group of candidates that are solved
 together. The time of the curve is measured for a batch, for one candidate, and for growing numbers of candidates,
 fields and elements. The times of whole fits follow (`benchmarks.fit_cost`).

@@ -127,10 +127,10 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset as pairs: source of uncertainty, index of a number in it.
+    """Return the uncertain inputs of a dataset: a pair for each component of an input, with the input and an index.
 
-    A source of uncertainty is a quantity with a stated uncertainty. It may consist of several numbers: for example, the
-    place of the clamp has two coordinates. Inputs that were fitted together with the law are left out.
+    For example, the place of the clamp has two components, x and y, with the indices 0 and 1. Inputs that were fitted
+    together with the law are left out.
     """
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))

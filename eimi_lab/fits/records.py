@@ -428,9 +428,9 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt (reason to distrust the fit) with the number that its state has in the dataset.
+    """Return a doubt (reason to distrust the fit) with the index of its state among all states of the dataset.
 
-    In the argument, the states are numbered without those that the fit left out.
+    In the argument, the index counts only the states that the fit used.
     """
     if doubt.dataset is None or doubt.state is None:
         return doubt

@@ -169,7 +169,7 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the simulation of a fit with the best beam model, and how this model changed the simulated edges.
+    """Return the simulation of a fit with the most accurate beam model, and how this model changed the edges.
 
     The change (correction) is the difference between a model with a solid cross-section and a planar model. Both
     results are None if the method "interpolate" is not accurate enough.

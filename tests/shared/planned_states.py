@@ -1,4 +1,4 @@
-"""Simulate experiments before and after a plan of their states (coil currents), and compare how exact their fits are.
+"""Simulate experiments with equally spaced or planned states (coil currents), and compare how exact their fits are.
 
 The half-width of the 95 % interval of the modulus measures how exact a fit is.
 """

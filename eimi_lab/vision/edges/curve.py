@@ -92,7 +92,10 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Return the knots of a spline without some inner knots, so that every interval contains at least three points."""
+    """Remove inner knots of a spline, so that at least three points lie between neighbouring knots; return the others.
+
+    parameter: the increasing values of the spline's variable at the points.
+    """
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

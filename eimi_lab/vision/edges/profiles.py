@@ -351,7 +351,11 @@ def _solve(columns: Array, inverse: Array, target: Array) -> Array:
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return on which lines across the edge the fit is not disturbed, for example by dirt on the edge."""
+    """Return on which of n lines across an edge the fit is not disturbed, for example by dirt on the edge, (n,).
+
+    residuals: (n, m) for m points on each line. step: height of the fitted step of each line. group: the edge of each
+    line, as an index.
+    """
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)
     for number in np.unique(group):

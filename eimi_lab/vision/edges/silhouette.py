@@ -211,9 +211,10 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the indices of the two corners of the tip in the outline, and the turn at the less sharp one in degrees.
+    """Return the indices of the two corners of the tip in the outline, and how sharp they are, in degrees.
 
-    Without corners, the results are None and 0.
+    The second result is the angle by which the outline turns at the less sharp corner. Without corners, the results are
+    None and 0.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm

@@ -64,7 +64,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which points of an edge to keep: all, or those before the beam's width changes near the last point."""
+    """Return which points of an edge to keep: without those after an abrupt change of the beam's width near the end."""
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)
     end = to_end < _END

@@ -108,7 +108,10 @@ def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArra
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each place along the beam, whether the region between two lines beside it has the hue of a shadow."""
+    """Return, for each place along the beam, whether the region between two lines beside it has the hue of a shadow.
+
+    The hue of a shadow is nearly that of the surroundings.
+    """
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
     of_body, of_region = (np.linalg.norm(hue - hues[2], axis=1) for hue in hues[:2])

@@ -134,7 +134,7 @@ def sure_share(sound: Mask) -> dict[str, float]:
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
-    """Return how many of the places along the picture lie before the end of the beam."""
+    """Return how many of the places along the beam, at which the picture was sampled, lie before its end."""
     # If only one edge continues near the length of the beam, it belongs to a body in the background.
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
@@ -158,7 +158,10 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle (rad, not negative) by which an edge turns at each of its points."""
+    """Return the angle (rad, not negative) by which an edge turns at each of its points.
+
+    It is the angle between the lines to the points `arm` places before and `arm` places after this point.
+    """
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
