@@ -22,12 +22,13 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """An input that differs from its stated value within its uncertainty, as the residuals of a fit show.
+    """A difference of an input from its stated value, within its uncertainty, that the residuals of a fit show.
 
     Parameters
     ----------
     cause : int
-        Index of the same error, such as "wrong scale", in the list of possible errors of the test bench.
+        Index of the error that consists in this difference, such as "wrong scale", in the list of possible errors of
+        the test bench.
     probability : float
         Probability that the difference is present and not negligible.
     value : float
@@ -46,7 +47,7 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the inputs that differ from their stated values within their uncertainties, as residuals of a fit show.
+    """Return the differences of inputs from their stated values, within their uncertainties, that the residuals show.
 
     Example: a width that is wrong by twice its stated uncertainty. A larger error of the width would be an error of the
     test bench.
@@ -63,7 +64,8 @@ def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int,
     Returns
     -------
     dict of int to Deviation
-        The differences. A key is the index of the same error in the list of possible errors of the test bench.
+        The differences. A key is the index of the error that consists in the difference, in the list of possible errors
+        of the test bench.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):

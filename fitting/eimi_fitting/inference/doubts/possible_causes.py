@@ -1,8 +1,7 @@
 """Describe a possible error of a test bench (a cause of residuals): its usual size, its effect, and how to confirm it.
 
-A cause changes what a fit assumes about an experiment: the specimen, the loads, the picture or the law. The residuals
-change with these assumptions (`inference.doubts.signatures`). All causes are listed in
-`inference.doubts.table_of_causes`.
+An error contradicts what a fit assumes about the specimen, the loads, the picture or the law. The effect of an error is
+described by a function that changes these assumptions. All causes are listed in `inference.doubts.table_of_causes`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Compute how errors of inputs with a stated or assumed uncertainty, such as a width, change the residuals of a fit.
 
-The other modules treat such an error as normal, and not as an error of the test bench, if it is within the uncertainty.
+Such an error is no error of the test bench as long as it is within the uncertainty.
 """
 
 from __future__ import annotations
