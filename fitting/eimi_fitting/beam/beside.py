@@ -343,7 +343,10 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the known depth effect of an earlier candidate law that bends like the new one, or None."""
+    """Return the known difference of solid and planar shapes of an earlier, equal candidate law, or None.
+
+    Equal candidates have the same law, ratio of bulk to shear modulus, and planar displacements.
+    """
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -353,7 +356,7 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
 def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
     """Return the known depth effect that suits a new candidate law best, or None.
 
-    A depth effect is the difference between the solid and the planar shapes as a function of a measure s of bending.
+    A depth effect is the difference between the solid and the planar shapes as a function of an amount of bending s.
     The depth effect of the new candidate is then computed as a correction of the known one.
 
     Parameters

@@ -267,7 +267,8 @@ class DipoleInField:
         Returns
         -------
         load : ndarray, shape (B, 3)
-            Force in N and moment in N mm: minus the first derivatives of the energy -m . B by ``rigid``.
+            Force in N and torque in N mm: minus the first derivatives by ``rigid`` of the energy -m . B, with the
+            magnetic moment m and the field B.
         stiffness : ndarray, shape (B, 3, 3)
             Second derivatives of the energy by ``rigid``.
         """
@@ -329,9 +330,9 @@ class SiliconeInField:
         Returns
         -------
         force : ndarray, shape (E, B, d, n)
-            Minus the first derivatives of the energy by the displacements, in N.
+            Minus the first derivatives of the magnetic energy by the displacements, in N.
         stiffness : ndarray, shape (E, B, d, n, d, n)
-            Second derivatives of the energy by the displacements in N/mm.
+            Second derivatives of the magnetic energy by the displacements in N/mm.
         """
         e, b, d, n = nodal.shape
         moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)

@@ -65,10 +65,10 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference d(s) between the shapes of the solid and of the planar model; s is a measure of the bending.
+    """The difference d(s) between the shapes of the solid and of the planar model, for an amount of bending s.
 
     The solid model is solved in a few load states only. Between these states, d is interpolated by a polynomial in s.
-    The measure s is the rotation of the tip or the relative size of the load, see ``by_turn``.
+    The amount of bending s is the rotation of the tip or the relative load, see ``by_turn``.
 
     Attributes
     ----------
@@ -93,7 +93,10 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the solid minus the planar configuration, interpolated at one bending measure s (``place``)."""
+        """Return the solid minus the planar configuration for one amount of bending, by interpolation.
+
+        place: the amount of bending: the rotation of the tip in rad, or the relative load; see ``by_turn``.
+        """
         weights = self._weights(place)
         if self.base is None:
             return combine(weights, self.differences)
@@ -105,7 +108,7 @@ class DepthEffect:
         Parameters
         ----------
         places : ndarray, shape (K,)
-            The bending measure s in each state: the rotation of the tip in rad, or the relative load; see ``by_turn``.
+            The amount of bending in each state: the rotation of the tip in rad, or the relative load; see ``by_turn``.
 
         Returns
         -------
@@ -127,31 +130,39 @@ class DepthEffect:
         return base_displacement + displacement, base_rigid + turned
 
     def _weights(self, place: float) -> list[float]:
-        """Return the weights of Lagrange's interpolation at s = ``place``.
+        """Return the weights of Lagrange's interpolation between the load states in which the solid model was solved.
 
-        There is one weight for each state in which the solid model was solved.
+        place: the amount of bending at which the result is interpolated: the rotation of the tip in rad, or the
+        relative load.
         """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The depth effect minus that of a similar law (``base``), where the solid model was solved."""
+        """The solid minus the planar configuration, less that of a similar candidate law (``base``).
+
+        There is one difference for each load state in which the solid model was solved.
+        """
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The value s = 0 if this depth effect is assumed to equal its ``base`` there; otherwise an empty tuple.
+        """The amount of bending at which the difference from a similar candidate law is taken as zero: (0,) or none.
 
-        The interpolation uses this value in addition to those of the states in which the solid model was solved.
+        The amount of bending is the rotation of the tip. The solid minus the planar configuration is interpolated
+        through this value and through the load states in which the solid model was solved.
         """
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The depth effect as one polynomial, without reference to that of a similar law (``base``)."""
+        """The difference of the solid from the planar model as one polynomial in the amount of bending.
+
+        The result makes no reference to the difference that was computed for a similar candidate law (``base``).
+        """
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -159,27 +170,29 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether this depth effect may be used for another candidate law, in all of its load states.
+        """Return whether the difference of solid and planar shapes may be used for another candidate law.
 
-        places: the bending measure s of the other candidate in each state (the rotation of the tip in rad, or the
-        relative load), shape (K,).
+        places: the amount of bending of the other candidate in each of K load states (the rotation of the tip in rad,
+        or the relative load), shape (K,).
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the depth effect may be used at each of K bending measures s (``places``), shape (K,).
+        """Return whether the interpolation is valid for each of K amounts of bending, shape (K,).
 
-        The interpolation is valid between the smallest and the largest s at which the solid model was solved, and
-        outside by at most 10 % of this range.
+        It is valid between the smallest and the largest bending through which it was computed, and outside by at most
+        10 % of this range. places: the amounts of bending (the rotation of the tip in rad, or the relative load), shape
+        (K,).
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return this depth effect with at most ``most`` of the states in which the solid model was solved.
+        """Return an interpolation through at most ``most`` of the load states in which the solid model was solved.
 
-        This method is only for a depth effect that has no ``base``.
+        The interpolated quantity is the solid minus the planar configuration. It must not be stored as a difference
+        from that of a similar candidate law (``base``).
         """
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
@@ -190,8 +203,9 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return this depth effect with one more load state in which the solid model was solved.
+        """Return the interpolation with one more load state in which the solid model was solved.
 
-        place: the bending measure s in this state. difference: the solid minus the planar configuration.
+        place: the amount of bending in this state (the rotation of the tip in rad, or the relative load). difference:
+        the solid minus the planar configuration.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

@@ -301,7 +301,10 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the result of `stiffness` once; `brick.tangents` yields several arrays, for groups of elements."""
+    """Yield one array, the tangent stiffness of all E elements, (E, B, 18, 18); see `stiffness`.
+
+    For solid elements, `brick.tangents` yields several arrays, one for each group of elements.
+    """
     yield stiffness(ops, ev, predicted)
 
 

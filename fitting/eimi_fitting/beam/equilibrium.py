@@ -225,7 +225,7 @@ class Solid:
 
     @property
     def kind(self) -> Any:
-        """The module of the element: `beam.element` in two dimensions, or `beam.brick` in three."""
+        """The module with the functions of the element: `beam.element` in two dimensions, or `beam.brick` in three."""
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:

@@ -89,7 +89,7 @@ class Loads:
         tip_force_N : array_like, shape (K,) or ()
             Force at the tip in N.
         pressure_Pa : array_like, shape (K,) or ()
-            Pressure on the pressure face in Pa.
+            Pressure on the side of the beam that ``Specimen.pressure_face`` describes, in Pa.
         tip_force_angle_deg : array_like, shape (K,) or (), or None
             Direction of the tip force; None: the direction of gravity.
 

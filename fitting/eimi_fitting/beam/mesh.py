@@ -28,7 +28,7 @@ class Mesh:
     columns, rows : int
         Number of columns of nodes, and number of nodes in each column. A column leads across the beam, a row along it.
     thickness : ndarray, shape (N,), or None
-        Depth at the nodes divided by the depth of the specimen; None if the depth is the same everywhere.
+        Depth of the beam at the nodes divided by a constant reference depth; None if the depth is the same everywhere.
     """
 
     nodes: Array

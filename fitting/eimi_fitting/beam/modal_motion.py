@@ -110,13 +110,13 @@ def fixed_point(
 ) -> ComplexArray:
     """Return the complex rates s of the vibrations of a viscoelastic beam, the solutions of s² = -lambda(r(s)).
 
-    r is the complex modulus divided by the static modulus, and lambda an eigenvalue (squared angular frequency) with
-    the modulus ratio r.
+    r is the complex modulus divided by the static modulus. lambda(r) is a squared angular frequency without damping, if
+    the modulus is r times the static modulus.
 
     Parameters
     ----------
     squares : callable
-        Takes values of r (B, count), one for each mode, and returns the eigenvalues lambda(r), (B, count) in 1/s².
+        Takes values of r (B, count), one for each mode, and returns lambda(r), (B, count) in 1/s².
     ratio : callable
         The function r(s): takes rates s (B, count), and returns values of r (B, count).
     size : tuple of int

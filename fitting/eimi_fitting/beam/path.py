@@ -297,10 +297,10 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Find the equilibria of the candidate laws with the indices ``rows`` under the next load, in place.
+    """Find the equilibria of the candidate laws with the indices ``rows`` under the next load.
 
     Returns the status and the number of iterations of each candidate. path: the equilibria under earlier loads. now:
-    the configurations, which are changed in place. near: a configuration with which the first attempt begins.
+    the configurations, which are overwritten. near: a configuration with which the first attempt begins.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
@@ -392,10 +392,10 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain of each of B solutions is close to, or below, that of its start, (B,).
+    """Return whether the largest strain of each solution is below 1.5 times that of its start plus 0.02, (B,).
 
-    A much larger strain is a sign of another equilibrium than the expected one. predicted: the configurations with
-    which Newton's method began. solved: its results.
+    A larger strain is a sign of another equilibrium than the expected one. predicted: the configurations of B candidate
+    laws with which Newton's method began. solved: its results.
     """
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)

@@ -40,7 +40,8 @@ def with_modes(
     specimen : Specimen
         The specimen with its given rest shape.
     bends_mm : sequence of float
-        Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y.
+        Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y. The
+        curvature of mode i is proportional to the Legendre polynomial P_i.
     widths_mm : sequence of float
         Amplitudes in mm of the Legendre polynomials P_1 and P_2 that are added to the width. The amplitude of P_1 is
         half of the change of the width from the clamp to the end of the flexible part.
@@ -99,6 +100,8 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
     """Return the offset of the centre line, normal to the beam, due to modes of bending, (n,) in mm.
 
+    Mode i is a deviation from the given rest shape, whose curvature is proportional to the Legendre polynomial P_i.
+
     Parameters
     ----------
     bends_mm : sequence of float
@@ -112,8 +115,8 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
     """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    The angle is in rad. x: arc length from the clamp. Arc length and offset are divided by the length of the flexible
-    part.
+    The curvature of the mode is proportional to the Legendre polynomial P_i. The angle is in rad. x: arc length from
+    the clamp. Arc length and offset are divided by the length of the flexible part.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -137,7 +137,10 @@ class Specimen:
 
     @property
     def planar_section(self) -> law.Section:
-        """The assumption for a planar model of the specimen: ``section``, or "plane-stress" for a solid section."""
+        """The planar assumption, "plane-stress" or "plane-strain", for a planar model of the specimen.
+
+        It is the ``section`` of the specimen, or "plane-stress" if the section is solid.
+        """
         return "plane-stress" if self.section == "solid" else self.section
 
     @property

@@ -207,11 +207,12 @@ class Strip:
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map the distances of n points from the centre line (or from mid-depth) between two cross-sections, (n,) in mm.
+    """Map the distances of n points from the centre line (or from mid-depth) between two beams, (n,) in mm.
 
-    The map is linear inside the magnet and linear in the silicone outside it. value: the distances with their sign,
-    (n,). before, after: distances of the magnet's side and of the beam's side from the centre line, in the first and in
-    the second cross-section, (2, 1) or (2, n).
+    One beam is the reference beam of constant width and depth, the other the specimen at rest. The map is linear inside
+    the magnet and linear in the silicone outside it. value: the distances with their sign, (n,). before, after:
+    distances of the magnet's side and of the beam's side from the centre line, in the beam from which and to which is
+    mapped, (2, 1) or (2, n).
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after

@@ -36,7 +36,7 @@ class Solution(NamedTuple):
     Attributes
     ----------
     nodes : ndarray, shape (B, n)
-        Changes of the n displacements of the nodes that are unknown, in mm.
+        Changes of the n unknown displacements of nodes, in mm.
     body : ndarray, shape (B, 3)
         Changes of the translation (x, y) of the rigid body (the magnet) in mm, and of its rotation in rad.
     sound : ndarray of bool, shape (B,)
@@ -54,7 +54,7 @@ class Solution(NamedTuple):
 class System:
     """The assembly and solution of the linear equations of a Newton step, for a given mesh.
 
-    An object contains only where the entries of the element matrices stand in the matrix of the whole mesh. It is
+    The object stores only the positions of the entries of the element matrices in the matrix of the whole mesh. It is
     therefore used again in each Newton step and for all candidate laws.
 
     Parameters
@@ -243,7 +243,8 @@ class FactoredSystem:
     Parameters
     ----------
     structure : System
-        Where the entries of the element matrices stand in the matrix of the whole mesh; the same for all candidates.
+        The positions of the entries of the element matrices in the matrix of the whole mesh; the same for all
+        candidates.
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None

@@ -310,10 +310,10 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the product v_i^T A v_j of the matrix A of the whole mesh and each two of m shapes v_i, (B, m, m).
+    """Return the m x m matrix with the entries v_i^T A v_j, for B candidate laws, (B, m, m).
 
-    There are B candidate laws. matrices: the matrices of E elements with u unknowns each, which are added up to A, (E,
-    B, u, u). local: the displacements of the elements in each shape, (m, E, B, u).
+    v_i are m shapes, and A is a matrix of the whole mesh. matrices: the matrices of E elements with u unknowns each,
+    whose sum is A, (E, B, u, u). local: the displacements of the elements in each shape, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))

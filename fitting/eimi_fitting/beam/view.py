@@ -26,8 +26,8 @@ class View:
         Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     ruler_mm : ndarray, shape (2, 2), optional
         Two points (x, y) at mid-depth. With a tilt, the image is scaled and rotated so that the vector between these
-        two points appears in its real length and direction. If ``ruler_mm`` is not given, lengths are real where the
-        axis of the lens meets mid-depth.
+        two points appears in its real length and direction. If ``ruler_mm`` is not given, lengths appear in their real
+        size where the axis of the lens meets mid-depth.
 
     Examples
     --------
