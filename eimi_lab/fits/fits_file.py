@@ -90,7 +90,7 @@ class Fits(Record):
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
-    """Return a comparison of the laws in a file of fits, the best law first.
+    """Return a comparison of the laws in a file of fits, with one entry for each fit, in the order of the fits.
 
     The result is empty unless at least two different laws were fitted to the same bending data, each law once.
     """

@@ -44,9 +44,10 @@ class NoEquilibrium(Exception):
 
 
 def scale_deviation(lot: float) -> float:
-    """Return the relative standard deviation of a ratio of moduli: of the beams to that of the tensile specimens.
+    """Return the relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens).
 
-    The ratio differs from one because the specimens come from different lots, and because of errors of the beam model.
+    The ratio differs from 1 because beams and tensile specimens come from different production lots, and because of
+    errors of the beam model.
 
     Parameters
     ----------
@@ -138,9 +139,9 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Return the residuals of a law, and the simulated shape of the beam (None for a three-dimensional model).
+    """Simulate a beam; return its residuals, and its simulated shape (None for a three-dimensional model).
 
-    coefficients: those of the J terms of the law, (J,). near: a shape from which the solution starts.
+    coefficients: those of the J terms of the law in Pa, (J,). near: a shape from which the solution starts.
     """
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
@@ -155,7 +156,8 @@ def _misfit(
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
     """Return the derivatives of the residuals by the J coefficients of the law, in mm/Pa, (J, K, G, m).
 
-    There are K states, and G = 2 groups of m points (the two edges, or x and y of tracked points).
+    They are computed at the coefficients ``about``, (J,). There are K states, and G = 2 groups of m points (the two
+    edges, or x and y of tracked points).
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]

@@ -11,8 +11,9 @@
        S - S_best <= 1.5 * 2 |delta|.
 
    This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. It rarely rejects the
-   right set. If the best set contains the right set, its superfluous terms fit noise, which reduces S by at most
-   |delta|^2. The right set is then rejected only if |delta| exceeds three standard deviations of the noise.
+   true set, which has the terms of the material's law. If the best set contains the true set, its superfluous terms
+   fit noise, which reduces S by at most |delta|^2. The true set is then rejected only if |delta| exceeds three standard
+   deviations of the noise.
 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
    compatible set contains it. An upper limit is then computed for the coefficient of each further term.
 """
@@ -70,7 +71,7 @@ class Support:
 
     @property
     def is_compatible(self) -> bool:
-        """Whether noise can explain that this set of terms predicts worse than the best set."""
+        """Whether noise can explain that this set of terms predicts worse than the set with the smallest prediction error."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 

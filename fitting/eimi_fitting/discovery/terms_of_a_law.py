@@ -1,7 +1,8 @@
 """Find the terms of a hyperelastic law from bent beams and tensile curves, if the data determine the terms.
 
 The residuals of the bending tests are linearised about a law close to the solution and joined with the tensile curves.
-All small sets of terms are fitted. The result is all sets that the data cannot distinguish from the best set.
+All small sets of terms are fitted. The result is all sets that predict the data as well as the set with the smallest
+prediction error, apart from noise.
 """
 
 from __future__ import annotations
@@ -71,8 +72,8 @@ class Discovery:
     Parameters
     ----------
     alternatives : tuple of Alternative
-        The sets that the data cannot distinguish from the best set and that contain no smaller set with the same
-        property. The sets with the fewest terms come first.
+        The sets that agree with the data and contain no smaller set that agrees. A set agrees if noise can explain that
+        it predicts worse than the set with the smallest prediction error. The sets with the fewest terms come first.
     open_terms : dict of Term to float
         Terms that the data neither require nor exclude: each could be added to the law, and could then carry more than
         15 % of the stress at ``strain``. The values are these shares of the stress. Empty if there are several
@@ -89,9 +90,9 @@ class Discovery:
     noise_Pa : tuple of float
         Standard deviation of the noise of each tensile curve in Pa.
     compatible_sets : tuple of tuples of Term
-        All sets, of any size, that the data cannot distinguish from the best set.
+        All sets that agree with the data, also those that contain a smaller set that agrees.
     sets : int
-        Number of sets whose fit has positive coefficients only.
+        Number of fitted sets whose coefficients are all positive.
     """
 
     alternatives: tuple[Alternative, ...]

@@ -133,8 +133,8 @@ class InvariantLaw(InvariantEnergy):
     """The base class of laws whose strain energy is a function of the invariants I1 and I2.
 
     A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
-    examined by a scan, a tensile curve is fitted within the bounds of the search, and the law cannot be exported to a
-    finite-element program. A subclass can override the three methods ``drucker_limit``, ``fit_stress`` and ``card``.
+    examined at sampled deformations, a tensile curve is fitted within the bounds of the search, and the law cannot be
+    exported to a finite-element program. A subclass can override the three methods ``drucker_limit``, ``fit_stress`` and ``card``.
 
     Examples
     --------

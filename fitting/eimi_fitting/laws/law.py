@@ -105,7 +105,7 @@ class CardConstants:
     keyword
         The program's name of the law.
     constants
-        Value of each constant by name, in the order of the program. A value that is a string is an expression.
+        Value of each constant by name, in the order of the program. A string is a formula.
     dimensionless
         Names of the constants that are not moduli.
     meaning

@@ -87,11 +87,11 @@ def stable_up_to(law: Law, parameters: Array) -> float | None:
 def scanned_limit(law: Law, parameters: Array, largest_stretch: Array) -> Array:
     """Return the stretch up to which each candidate law is stable, by a scan of sampled deformations.
 
-    A law without a criterion in closed form uses this function as `Law.drucker_limit`. The scan increases the stretch
-    in 48 equal steps of its logarithm, up to `largest_stretch`. At each stretch it examines 61 deformations, from
-    uniaxial through planar to equibiaxial tension, for which this stretch is the largest principal stretch. It stops at
-    the first stretch with an unstable deformation. Bisection then finds the limit between this stretch and the one
-    before it. Deformations between the sampled deformations are not examined.
+    A law can use this function as its method `Law.drucker_limit`. The scan increases the stretch in 48 equal steps of
+    its logarithm, up to `largest_stretch`. At each stretch it examines 61 deformations, from uniaxial through planar to
+    equibiaxial tension, for which this stretch is the largest principal stretch. It stops at the first stretch with an
+    unstable deformation. Bisection then finds the limit between this stretch and the one before it. Deformations
+    between the sampled deformations are not examined.
 
     Parameters
     ----------
