@@ -71,7 +71,7 @@ class Support:
 
     @property
     def is_compatible(self) -> bool:
-        """Whether noise can explain that this set of terms predicts worse than the set with the smallest prediction error."""
+        """Whether noise can explain that this set predicts worse than the set with the smallest prediction error."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 

@@ -1,8 +1,8 @@
 """Find the terms of a hyperelastic law from bent beams and tensile curves, if the data determine the terms.
 
 The residuals of the bending tests are linearised about a law close to the solution and joined with the tensile curves.
-All small sets of terms are fitted. The result is all sets that predict the data as well as the set with the smallest
-prediction error, apart from noise.
+All small sets of terms are fitted. The result is the sets that, apart from noise, predict the data as well as the set
+with the smallest prediction error, and that contain no smaller such set.
 """
 
 from __future__ import annotations

@@ -134,7 +134,8 @@ class InvariantLaw(InvariantEnergy):
 
     A subclass defines the energy, the initial shear modulus and the coordinates of the search. By default, stability is
     examined at sampled deformations, a tensile curve is fitted within the bounds of the search, and the law cannot be
-    exported to a finite-element program. A subclass can override the three methods ``drucker_limit``, ``fit_stress`` and ``card``.
+    exported to a finite-element program. A subclass can override these defaults, which are the methods
+    ``drucker_limit``, ``fit_stress`` and ``card``.
 
     Examples
     --------
