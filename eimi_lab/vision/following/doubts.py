@@ -58,7 +58,7 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length on which the reflection of a lamp lies, for the worse edge."""
+    """Return the share of an edge's length on which the reflection of a lamp lies: the larger of both edges."""
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
