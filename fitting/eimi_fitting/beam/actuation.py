@@ -1,4 +1,4 @@
-"""The interface of an actuation: one kind of load, with its values in every state and its forces on a mesh.
+"""The interface of an actuation: one kind of load, with its values in every load state and its forces on a mesh.
 
 A dead load is a force that keeps its direction and its size. A dead load f on a node with the displacement u has the
 potential -f . u.

@@ -26,12 +26,12 @@ def bandwidth(dofs: Indices) -> int:
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
-def _most_contributions(numbers: Indices) -> int:
+def _most_contributions(earlier: Indices) -> int:
     """Return the largest number of elements that contribute to the same entry of the assembled matrix.
 
-    numbers: for each contribution, how many contributions to the same entry come before it.
+    earlier: for each contribution, how many contributions to the same entry come before it.
     """
-    return int(numbers.max(initial=0)) + 1
+    return int(earlier.max(initial=0)) + 1
 
 
 class BandAssembly:

@@ -166,14 +166,14 @@ class SolidBeside:
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         effect = lift = None
         if np.isin(flat.status, (Status.CONVERGED, Status.UNSTABLE)).all():
-            lift = self._lift(flat)
+            lift = self._in_space(flat)
             candidate = _bent_candidate(chosen, flat)
-            effect = options.effect or _effect_of_equal_candidate(candidate, options)
+            effect = options.effect or _effect_of_equal(candidate, options)
             if effect is None and options.method != "follow":
                 interpolated = self._effect(chosen, lift, flat, loads, tolerance_mm, options)
                 effect = replace(interpolated, candidate=candidate) if interpolated else None
         if effect is None and options.method == "interpolate":
-            return self._given_up(flat)
+            return self._not_solved(flat)
         if effect is None or lift is None:
             followed = self.solid.solve(
                 law,
@@ -182,12 +182,12 @@ class SolidBeside:
                 tolerance_mm=tolerance_mm,
                 bulk_modulus_Pa=bulk_modulus_Pa,
                 field_factor=field_factor,
-                beside=None if lift is None else self._lifted(lift, flat, np.arange(len(loads))),
+                beside=None if lift is None else self._as_solid(lift, flat, np.arange(len(loads))),
             )
             return SolidShapes(**vars(followed))
         return self._shapes(chosen, flat, lift, loads, effect)
 
-    def _given_up(self, flat: Shapes) -> SolidShapes:
+    def _not_solved(self, flat: Shapes) -> SolidShapes:
         """Return undeformed shapes with the status DIVERGED in every load state, for a law without a solution.
 
         flat: the shapes of the planar model.
@@ -249,7 +249,7 @@ class SolidBeside:
             effect = options.earlier
             unsolved = unsolved[~effect.reaches(places)]
         else:
-            effect = DepthEffect((), (), by_turn, _base(places, by_turn, options.similar))
+            effect = DepthEffect((), (), by_turn, _most_suitable(places, by_turn, options.similar))
         for place in effect.places_of_base:
             unsolved = unsolved[np.abs(places[unsolved] - place) > same]
         while len(unsolved):
@@ -258,7 +258,7 @@ class SolidBeside:
             distance = np.abs(places[unsolved, None] - solved).prod(axis=1) if len(solved) else np.abs(places[unsolved])
             k = int(unsolved[np.argmax(distance)])
             predicted = effect.at(places[k]) if len(solved) > 1 or effect.base else None
-            lifted = self._lifted(lift, flat, np.array([k]))
+            lifted = self._as_solid(lift, flat, np.array([k]))
             difference = self._difference(
                 chosen, loads.on(self.solid.loaded), loads.state(k), lifted, predicted, tolerance_mm
             )
@@ -294,7 +294,7 @@ class SolidBeside:
                 return combine([1.0, -1.0], [solid, lifted])
         return None
 
-    def _lift(self, flat: Shapes) -> Array:
+    def _in_space(self, flat: Shapes) -> Array:
         """Return the planar displacements at the nodes of the solid mesh as vectors (x, y, 0), (1, K, n, 3) in mm.
 
         There are K load states. The n points are the different positions (x, y) of the nodes, without regard to their
@@ -303,11 +303,11 @@ class SolidBeside:
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
-    def _lifted(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
+    def _as_solid(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
         """Return the planar shapes in the load states ``states`` as configurations of the solid mesh.
 
         The result has one row for each state. lift: the planar displacements as vectors (x, y, 0) in K load states, (1,
-        K, n, 3) in mm, from `_lift`.
+        K, n, 3) in mm, from `_in_space`.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
@@ -329,7 +329,7 @@ class SolidBeside:
             status=np.full(flat.status.shape, Status.CONVERGED, np.int8),
             iterations=flat.iterations,
             max_stretch=stretch[None],
-            last=combine([1.0, 1.0], [self._lifted(lift, flat, np.array([-1])), effect.at(float(places[-1]))]),
+            last=combine([1.0, 1.0], [self._as_solid(lift, flat, np.array([-1])), effect.at(float(places[-1]))]),
             effect=effect,
         )
         mark_unstable(chosen, shapes)
@@ -342,7 +342,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
     return BentCandidate(batch.law, float(batch.bulk[0] / modulus[0]), flat.displacement)
 
 
-def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
+def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
     """Return the known difference of solid and planar shapes of an earlier, equal candidate law, or None.
 
     Equal candidates have the same law, ratio of bulk to shear modulus, and planar displacements.
@@ -353,7 +353,7 @@ def _effect_of_equal_candidate(candidate: BentCandidate, options: SolidOptions) 
     return None
 
 
-def _base(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
+def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
     """Return the known depth effect that suits a new candidate law best, or None.
 
     A depth effect is the difference between the solid and the planar shapes as a function of an amount of bending s.

@@ -82,7 +82,7 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
         return _segments(curves)
     middle = projected[..., projected.shape[-2] // 2, :]
     normal = _outward(middle)
-    return _segments(_farthest(_abreast(projected, middle, normal), normal))
+    return _segments(_farthest(_at_normals(projected, middle, normal), normal))
 
 
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
@@ -127,7 +127,7 @@ def _outward(curves: Array) -> Array:
     return np.asarray(normal * np.array([-1.0, 1.0])[:, None, None])
 
 
-def _abreast(lines: Array, middle: Array, normal: Array) -> Array:
+def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
     """Return where m curves along a face of the beam cross the beam's normals in the picture, (..., n, m, 2).
 
     lines: points (x, y) of the curves, one for each depth, at n stations along the beam, (..., n, m, 2). middle,

@@ -136,7 +136,7 @@ class System:
         if not symmetric:
             parts = list(parts)  # they are read once more for the transpose
         tied_parts: list[Array] = []
-        band = self._assembly.matrix(self._passing(parts, tied_parts))
+        band = self._assembly.matrix(self._collecting(parts, tied_parts))
         if body is None:
             factor = self._factor(band, parts, None, sound & bounded(rest), symmetric, only_definite)
             return Solution(factor.solve(rest), np.zeros((len(rest), 3)), factor.sound, factor.indefinite)
@@ -147,10 +147,10 @@ class System:
         pull = pull - np.matmul(follow, force[self._tied][..., None])[..., 0].sum(axis=0)
         both = np.concatenate([rest, pull], axis=1)
         sound = sound & bounded(both)
-        rows = self._reach(rows)
-        columns = rows if symmetric else self._reach(np.matmul(follow, tied_stiffness.swapaxes(-1, -2)))
+        rows = self._body_coupling(rows)
+        columns = rows if symmetric else self._body_coupling(np.matmul(follow, tied_stiffness.swapaxes(-1, -2)))
         if self._in_band:
-            band = self._put(band, rows, corner)
+            band = self._with_body(band, rows, corner)
             factor = self._factor(band, parts, (columns, corner.swapaxes(-1, -2)), sound, symmetric, only_definite)
             step = factor.solve(both)
             return Solution(step[:, : self.n], step[:, self.n :], factor.sound, factor.indefinite)
@@ -174,7 +174,7 @@ class System:
         nodes = steps[0] - np.einsum("rbn,br->bn", steps[1:], rigid)
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
-    def _passing(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
+    def _collecting(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
         """Yield the given matrices of each group of elements; append those of elements at the magnet to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
@@ -182,7 +182,7 @@ class System:
                 tied.append(matrices[inside - part.start])
             yield matrices
 
-    def _reach(self, rows: Array) -> Array:
+    def _body_coupling(self, rows: Array) -> Array:
         """Return the stiffness between the magnet (a rigid body) and m unknowns of the nodes around it, (B, 3, m).
 
         rows: the contributions of the Et elements that have nodes on the magnet, (Et, B, 3, d), with d unknowns in each
@@ -192,7 +192,7 @@ class System:
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
-    def _put(self, band: Array, rows: Array, corner: Array) -> Array:
+    def _with_body(self, band: Array, rows: Array, corner: Array) -> Array:
         """Write the stiffness of the rigid body (the magnet) into the lower band of the system matrix; return the band.
 
         rows: the stiffness between the body and m unknowns of the nodes, (B, 3, m). corner: the stiffness of the body
@@ -215,7 +215,7 @@ class System:
         if symmetric:
             return factorise(lower, sound, only_definite=only_definite)
         upper = self._assembly.matrix(matrices.swapaxes(-1, -2) for matrices in parts)
-        return factorise(lower, sound, self._put(upper, *body) if body else upper)
+        return factorise(lower, sound, self._with_body(upper, *body) if body else upper)
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
@@ -268,9 +268,9 @@ class FactoredSystem:
             tied_stiffness, follow = stiffness[structure._tied], tie.swapaxes(-1, -2)
             rows = np.matmul(follow, tied_stiffness)
             corner = np.matmul(rows, tie).sum(axis=0) + further
-            self._rows = structure._reach(rows)
+            self._rows = structure._body_coupling(rows)
             if structure._in_band:
-                band = structure._put(band, self._rows, corner)
+                band = structure._with_body(band, self._rows, corner)
         self._factor = factorise(band, np.ones(batch, bool))
         self.sound = self._factor.sound & ~self._factor.indefinite
         if body is not None and not structure._in_band:

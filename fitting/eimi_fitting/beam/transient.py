@@ -110,7 +110,7 @@ class Transient:
         self._law = law
         self._is_modulus = is_modulus
         zero = np.zeros_like(now.displacement[0])
-        points = self._carried(now.rigid[0])
+        points = self._point_displacements(now.rigid[0])
         overstress = np.zeros((len(series.g), *elastic.shape))
         self._state = _State(
             nodes=now.displacement[0].copy(),
@@ -193,7 +193,9 @@ class Transient:
         for _ in range(_MOST_ITERATIONS):
             ev = self._evaluated(batch, nodes[None])
             of_nodes = accelerations(nodes, old.nodes, old.node_velocity, old.node_acceleration)
-            of_points = accelerations(self._carried(rigid), old.points, old.point_velocity, old.point_acceleration)
+            of_points = accelerations(
+                self._point_displacements(rigid), old.points, old.point_velocity, old.point_acceleration
+            )
             pushed = (1 - alpha_m) * of_nodes + alpha_m * old.node_acceleration if with_inertia else 0 * of_nodes
             pulled = (1 - alpha_m) * of_points + alpha_m * old.point_acceleration if with_inertia else 0 * of_points
             moved_nodes, moved_rigid = self._newton(ev, remembered, on_mesh, pushed, pulled, inertia, rigid)
@@ -255,7 +257,7 @@ class Transient:
         if solid.body:
             moment, turning = dead_moment(loads.tensor, rigid[None])
             half = 0.5 * self._inertia.body_mass
-            turned, bent = self._turned(rigid, 1), self._turned(rigid, 2)
+            turned, bent = self._point_arms(rigid, 1), self._point_arms(rigid, 2)
             pull = np.zeros((1, 3))
             pull[:, :2] = loads.force - half * point_accelerations.sum(axis=0)
             pull[:, 2] = moment + loads.moment - half * (turned * point_accelerations).sum()
@@ -309,7 +311,7 @@ class Transient:
         change = elastic - old.elastic
         overstress = np.multiply.outer(fading, np.ones(1))[:, :, None, None, None] * old.overstress
         overstress = overstress + np.multiply.outer(share, change)
-        points = self._carried(rigid)
+        points = self._point_displacements(rigid)
         if with_inertia and callable(accelerations):
             of_nodes = accelerations(nodes, old.nodes, old.node_velocity, old.node_acceleration)
             of_points = accelerations(points, old.points, old.point_velocity, old.point_acceleration)
@@ -336,7 +338,7 @@ class Transient:
         nodal = self._solid.by_element(displacement)
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
-    def _turned(self, rigid: Array, derivative: int) -> Array:
+    def _point_arms(self, rigid: Array, derivative: int) -> Array:
         """Return the vectors (x, y) from the magnet's reference point to two point masses, (2, 2) in mm.
 
         Two equal point masses stand for the magnet: they have its mass, its centre of mass and its rotary inertia.
@@ -347,12 +349,12 @@ class Transient:
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
-    def _carried(self, rigid: Array) -> Array:
+    def _point_displacements(self, rigid: Array) -> Array:
         """Return the displacements (x, y) of two point masses that stand for the magnet, (2, 2) in mm.
 
         rigid: translation (x, y) in mm and rotation in rad of the magnet, (3,).
         """
-        return np.asarray(rigid[:2] + self._turned(rigid, 0) - self._arms)
+        return np.asarray(rigid[:2] + self._point_arms(rigid, 0) - self._arms)
 
 
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
