@@ -108,7 +108,8 @@ class Candidates:
     field_factor : ndarray, shape (P,), or None
         Factor on the magnetic loads of each candidate; None: 1 for all candidates.
     sound : ndarray of bool, shape (P,)
-        Whether the parameters of a candidate are finite and its moduli positive. Other candidates are not solved.
+        Whether the parameters and the factor of a candidate are finite and its moduli positive. Other candidates are
+        not solved.
     """
 
     batch: Batch
