@@ -139,9 +139,9 @@ def test_the_line_of_an_earlier_picture_is_free_by_a_quarter_of_the_distance() -
     assert line.points[0].tolist() == [0.0, 0.0]
     assert line.points[-1].tolist() == [30.0, 90.0]
     assert (line.evidence, line.largest_cost, line.clicked_px) == (0.0, 0.15, 0.0)
-    between = line_between(line.points, line.points + [6.0, 8.0])
+    between = line_between(line.points, line.points + np.array([6.0, 8.0]))
     assert between.free_px == pytest.approx(np.full(120, 15.0), abs=0.1)
-    assert between.points == pytest.approx(line.points + [3.0, 4.0], abs=0.3)
+    assert between.points == pytest.approx(line.points + np.array([3.0, 4.0]), abs=0.3)
     assert (between.evidence, between.largest_cost) == (0.25, 2.0)
 
 
@@ -337,6 +337,8 @@ def test_both_edges_are_trimmed_at_both_ends_and_a_stated_change_of_the_width_is
         assert 9.4 < edge.along[-1] < 9.8
         assert edge.points[:, 1] == pytest.approx(20.0 * edge.along)
         assert len(edge.points) == len(edge.sigma) == len(edge.along)
+
+
 def test_a_stated_change_of_the_width_is_kept() -> None:
     along = np.arange(0.0, 10.0 + 1e-9, 0.1)
     half = 10.0 * (1.0 + 0.02 * np.maximum(along - 9.0, 0.0))

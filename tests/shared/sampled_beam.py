@@ -1,0 +1,38 @@
+"""Pictures that are sampled along and across a straight beam, as the search for its edges sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eimi_lab.vision.following.unrolled import UnrolledPicture
+
+Array = np.ndarray
+ACROSS = np.arange(-26, 27) / 24.0
+EDGES = np.outer([-0.5, 0.5], np.ones(60))
+
+
+def unrolled(colours: Array, stated: float = 1.0, faces: tuple[float, float] = (0.0, 0.0)) -> UnrolledPicture:
+    """Return a picture sampled along a straight vertical beam 24 px wide, with 12 stations in a width."""
+    stations = len(colours)
+    return UnrolledPicture(
+        colours=colours.astype(np.float32),
+        across=ACROSS,
+        along=np.arange(stations) / 12.0,
+        middle=np.column_stack([np.full(stations, 100.0), 2.0 * np.arange(stations)]),
+        aside=np.tile([24.0, 0.0], (stations, 1)),
+        width=np.ones(stations),
+        stated=np.full(stations, stated),
+        inside=np.ones(colours.shape[:2], dtype=bool),
+        side_faces=np.array(faces)[:, None],
+    )
+
+
+def body(colour: tuple[float, ...], ground: tuple[float, ...], *bands: Any, stations: int = 60, seed: int = 1) -> Array:
+    """Return the colours of a body between -0.5 and 0.5, with little noise; `bands` are further (low, high, colour)."""
+    rng = np.random.default_rng(seed)
+    colours = np.tile(np.array(ground), (stations, 53, 1)) + rng.normal(0.0, 0.5, (stations, 53, len(ground)))
+    for low, high, of_band in ((-0.5, 0.5, colour), *bands):
+        colours[:, (low < ACROSS) & (high > ACROSS)] += np.array(of_band) - np.array(ground)
+    return colours
