@@ -76,7 +76,7 @@ def _near(one: str, other: str, relative: float, absolute: float) -> bool:
     return np.allclose(*([float(text) for text in _NUMBER.findall(line)] for line in (one, other)), relative, absolute)
 
 
-def check(lines: Iterable[str], accepted: Path, folder: Path, relative: float = 2e-3, absolute: float = 2e-4) -> None:
+def check(lines: Iterable[str], accepted: Path, folder: Path, relative: float = 2e-3, absolute: float = 2e-5) -> None:
     """Fail if the lines are not as in the file `accepted`.
 
     The new description is then written to `folder`. If a change is wanted, read the differences, and copy the new

@@ -40,7 +40,7 @@ class SmallPicture:
     """A picture of a beam 14 px wide and 84 px long, to which a test adds bodies.
 
     Its colours are blue, green and red. `along` and `aside` are the coordinates of each pixel along the beam, from the
-    clamp, and across it, px.
+    clamp, and across it, px. `above_px` is a number of further rows above the clamp.
     """
 
     def __init__(
@@ -49,14 +49,16 @@ class SmallPicture:
         ground: tuple[float, ...] = (150.0, 160.0, 130.0),
         slope: float = 0.0,
         length_px: float = 84.0,
+        above_px: int = 0,
     ) -> None:
-        self.y, self.x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]].astype(float)
-        self.along = self.y - CLAMP[1]
+        size = (SIZE[0] + above_px, SIZE[1])
+        self.y, self.x = np.mgrid[0 : size[0], 0 : size[1]].astype(float)
+        self.along = self.y - CLAMP[1] - above_px
         middle = CLAMP[0] + bend * self.along**2 / length_px
         self.aside = (self.x - middle) / np.sqrt(1.0 + (2.0 * bend * self.along / length_px) ** 2)
         self.length_px = length_px
         self.light = 1.0 + slope * (self.x - 64.0) / 128.0
-        self.colours = np.ones((*SIZE, 1)) * np.array(ground)
+        self.colours = np.ones((*size, 1)) * np.array(ground)
 
     def add(self, share: Array, colour: tuple[float, ...]) -> SmallPicture:
         """Paint a colour over the picture, where `share` is 1."""
