@@ -368,6 +368,28 @@ def test_the_error_of_the_disk_is_raised_after_the_wait(tmp_path: Path, monkeypa
 # Locks
 
 
+@pytest.fixture
+def open_locks(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
+    """A function that returns how many of the lock files that this test opened are still open."""
+    opened: list[tuple[int, os.stat_result]] = []
+    open_file = os.open
+
+    def opening(path: Path, *flags: int) -> int:
+        descriptor = open_file(path, *flags)
+        if str(path).endswith(".lock"):
+            opened.append((descriptor, os.fstat(descriptor)))
+        return descriptor
+
+    def is_open(descriptor: int, file: os.stat_result) -> bool:
+        try:
+            return os.path.samestat(os.fstat(descriptor), file)
+        except OSError:
+            return False
+
+    monkeypatch.setattr(os, "open", opening)
+    return lambda: len({descriptor for descriptor, file in opened if is_open(descriptor, file)})
+
+
 def test_a_lock_is_released_as_often_as_it_was_taken(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     first = WriterLock(path)
@@ -417,7 +439,7 @@ def test_another_thread_is_told_who_holds_the_lock(tmp_path: Path, monkeypatch: 
     taken.release()
 
 
-def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path) -> None:
+def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path, open_locks: Callable[[], int]) -> None:
     """flock(2) belongs to an open file; another program is another open file."""
     path = tmp_path / "run.h5"
     other = os.open(lock_file(path), os.O_RDWR | os.O_CREAT)
@@ -425,16 +447,15 @@ def test_a_lock_of_another_open_file_is_seen_and_refused(tmp_path: Path) -> None
     assert not is_being_written(path)
     assert writer_lock.lock_descriptor(other, blocking=False)
     assert is_being_written(path)
-    before = len(os.listdir("/dev/fd"))
     with pytest.raises(InputError, match=r"by process 7 on lab \(eimi acquire\); wait"):
         WriterLock(path)
-    assert len(os.listdir("/dev/fd")) == before
+    assert open_locks() == 1
     os.close(other)
     lock = WriterLock(path)
     assert lock_file(path).read_text().startswith(f" process {os.getpid()} on ")
     assert "lab" not in lock_file(path).read_text()
     lock.release()
-    assert len(os.listdir("/dev/fd")) == before - 1
+    assert open_locks() == 0
 
 
 def test_a_lock_file_with_a_second_name_is_not_written_to(tmp_path: Path) -> None:
@@ -445,7 +466,9 @@ def test_a_lock_file_with_a_second_name_is_not_written_to(tmp_path: Path) -> Non
         assert (tmp_path / "letter").read_text() == "of another user"
 
 
-def test_a_lock_file_that_was_removed_meanwhile_is_taken_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lock_file_that_was_removed_meanwhile_is_taken_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, open_locks: Callable[[], int]
+) -> None:
     path = tmp_path / "run.h5"
     taken: list[int] = []
     take = writer_lock.lock_descriptor
@@ -459,23 +482,24 @@ def test_a_lock_file_that_was_removed_meanwhile_is_taken_anew(tmp_path: Path, mo
             lock_file(path).touch()
         return bool(take(descriptor, blocking=blocking))
 
-    before = len(os.listdir("/dev/fd"))
     monkeypatch.setattr(writer_lock, "lock_descriptor", after_the_release_of_another)
     lock = WriterLock(path)
     assert len(taken) == 3
     assert lock_file(path).read_text().startswith(" process ")
     lock.release()
-    assert len(os.listdir("/dev/fd")) == before
+    assert open_locks() == 0
 
 
 def test_a_file_system_without_locks_gets_a_warning(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    open_locks: Callable[[], int],
 ) -> None:
     def unsupported(descriptor: int, blocking: bool) -> bool:
         raise OSError(errno.ENOLCK, "No locks available")
 
     path = tmp_path / "run.h5"
-    before = len(os.listdir("/dev/fd"))
     monkeypatch.setattr(writer_lock, "lock_descriptor", unsupported)
     lock = WriterLock(path)
     assert "run.h5: cannot be locked (No locks available); no other program should write" in capsys.readouterr().err
@@ -483,7 +507,7 @@ def test_a_file_system_without_locks_gets_a_warning(
     lock.release()
     lock_file(path).touch()
     assert not is_being_written(path)
-    assert len(os.listdir("/dev/fd")) == before
+    assert open_locks() == 0
 
 
 def test_a_forked_process_does_not_release_the_lock_of_its_parent(
