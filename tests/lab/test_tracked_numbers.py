@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -57,8 +58,10 @@ def same(found: Any, expected: Any) -> None:
 
 
 def refused(act: Callable[[], object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
+    """Assert that a function raises an error with these words, which begins with a file or an option."""
+    with pytest.raises(InputError, match=words) as caught:
         act()
+    assert re.match(r"(/[^:]+|t|s|states\.csv|run\.c3d|--[a-z-]+[^:]*): ", str(caught.value))
 
 
 # Tables of numbers
