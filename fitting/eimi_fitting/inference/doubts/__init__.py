@@ -1,19 +1,21 @@
-"""Check whether the residuals of a fit contradict the beam model, and find their probable causes.
+"""Check whether the residuals of a fit contradict the beam model, and find the probable bench errors.
 
-checks                the comparison of the residuals with the noise and with the deflection
-causes                the probability of each possible error of the test bench (cause of the residuals)
-weighing              the comparison of sets of causes, with simulations of the probable sets
-cause_doubts          the warning that names the most probable cause
-named_error           the intervals of a fit whose residuals have a probable cause, and are therefore not only noise
-collinear_causes      groups of causes that change the residuals so alike that the data do not decide between them
-edge_coefficients     the description of the residuals by a few coefficients along each edge
-marginal_likelihood   the evidence (probability density of the data) of linear Gaussian models
-signatures            the change of the residuals by each cause
+A bench error (cause) is a wrong assumption of a fit, such as a wrong scale of the picture.
+
+checks                the limits for large residuals, and the warnings about a fit
+causes                the probability of each bench error
+weighing              the comparison of sets of bench errors
+cause_doubts          the warning that names the most probable bench error
+named_error           the intervals of a fit with a probable bench error
+collinear_causes      groups of bench errors with similar effects
+edge_coefficients     polynomials that describe the residuals along each edge
+marginal_likelihood   the evidence (probability density of the data) of linear models
+signatures            the change of the residuals by each bench error
 twisted_picture       the edges of a beam that its magnet has twisted
 coefficients          the list of all unknown numbers that may explain the residuals
-stated_inputs         the change of the residuals by the inputs with a stated uncertainty
-deviating_inputs      the inputs that the residuals show to differ from their stated values
-possible_causes       the description of one cause
-causes_in_loads, causes_in_pictures, causes_in_specimens   the causes in the loads, the pictures and the specimen
-table_of_causes       the list of all causes
+stated_inputs         the change of the residuals by the inputs with an uncertainty
+deviating_inputs      the inputs that differ from their stated values
+possible_causes       the description of one bench error
+causes_in_loads, causes_in_pictures, causes_in_specimens   the bench errors of loads, pictures and specimen
+table_of_causes       the list of all bench errors
 """

@@ -1,4 +1,4 @@
-"""Name the most probable cause of the residuals in a warning, if the cause matters for the modulus."""
+"""Name the most probable bench error in a warning, if it matters for the modulus."""
 
 from __future__ import annotations
 
@@ -25,19 +25,11 @@ _MOST_RIVALS = 2
 def cause_doubts(
     weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> tuple[Doubt, ...]:
-    """Return at most one warning (doubt) about a fit: the error of the test bench that probably caused the residuals.
-
-    The error is named only if it matters for the modulus. If no listed error explains large residuals, the warning says
-    that their cause is unknown.
-
-    Returns
-    -------
-    tuple of Doubt
-        One doubt or none.
-    """
+    """Return a warning that names the bench error that probably caused the residuals of a fit, or no warning."""
     if not weighed.causes:
         return ()
     dataset = 0 if len(experiments) == 1 else None
+    # No listed bench error explains the residuals.
     if weighed.as_stated >= _NONE_IMPROBABLE:
         if not is_as_stated(weighed, experiments) and any(
             noise_ratio(e, m) > OF_NOISE for e, m in pairs(experiments, final)
@@ -59,7 +51,7 @@ def cause_doubts(
 
 
 def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
-    """Return whether errors of the inputs within their stated uncertainties explain the residuals of a fit."""
+    """Return whether errors of inputs within their uncertainties explain the residuals of a fit."""
     if weighed.as_stated < _NONE_IMPROBABLE or weighed.remaining is None or weighed.most_probable:
         return False
     misfits = (e.observed.of_residuals(r[None]) for e, r in zip(experiments, weighed.remaining, strict=True))
@@ -69,6 +61,7 @@ def is_as_stated(weighed: Weighed, experiments: Sequence[Experiment]) -> bool:
 def _concerns(
     cause: Cause, weighed: Weighed, estimate: Estimate, final: Comparison, experiments: Sequence[Experiment]
 ) -> bool:
+    # The error is only named if it matters for the modulus.
     if not contains(estimate.initial_shear_modulus, (cause.shift_percent, *weighed.modulus_percent)):
         return True
     present = [c for c in weighed.causes if c.name in weighed.most_probable - weighed.in_the_fit] or [cause]
@@ -81,7 +74,7 @@ def _concerns(
 
 
 def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
-    """Return whether a file states the uncertainty of this error of the test bench, or of one with a similar effect."""
+    """Return whether a file states the uncertainty of this bench error or of a similar one."""
     possible = {one.name: one.stated_as for one in POSSIBLE_CAUSES}
     sources = {source for name in (cause.name, *cause.like) for source in possible[name]}
     stated = {one.source for experiment in experiments for one in experiment.stated if one.standard_uncertainty}
@@ -89,7 +82,7 @@ def _is_stated(cause: Cause, experiments: Sequence[Experiment]) -> bool:
 
 
 def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    """Return at most two errors of the test bench that may be present instead of the first error in ``causes``."""
+    """Return at most two alternatives to the first bench error in ``causes``."""
     first, *others = causes
     alike = [cause for cause in others if cause.name in first.like]
     either = [
@@ -101,12 +94,12 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the first two errors of the test bench if both are probably present, else the first alone."""
+    """Return the first two bench errors if both are probable, else the first."""
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 
 def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
-    """Return a short text: the probable causes of the residuals, and the change of the modulus by them in per cent."""
+    """Return a short text: the probable bench errors, and the change of the modulus by them in per cent."""
     possible = {one.name: one.words for one in POSSIBLE_CAUSES}
     others = rivals(causes)
     either = (causes[0], *others) if others else _present(causes)
@@ -117,7 +110,7 @@ def _in_short(causes: Sequence[Cause], shifts: tuple[float, float]) -> str:
 
 
 def _causes_in_words(causes: Sequence[Cause]) -> str:
-    """Return the text of a warning that names the probable causes of the residuals."""
+    """Return the text of a warning that names the probable bench errors."""
     possible = {one.name: one for one in POSSIBLE_CAUSES}
     first = causes[0]
 

@@ -1,52 +1,16 @@
-"""Compute how probable it is that a possible error of the test bench (a cause) has caused the residuals of a fit.
+"""Compute the probability of each bench error, such as a wrong scale, from the residuals of a fit.
 
-The model. Let r be the residuals in mm at the optimum of the fit, with every input at its stated value. Let J be the
-derivatives of r by the unknowns x of the law. A cause a is described by a few numbers s_a (its amplitudes), such as a
-shift in x and in y. The signature C_a is the change of the residuals for amplitudes of one. A hypothesis H is a set of
-causes that are present. It explains the residuals by
+A hypothesis is a set of at most two bench errors. It describes the residuals r in mm by
 
-    -r = J dx + sum_{a in H} C_a s_a + d + e
+    -r = J dx + sum_a C_a s_a + d + e
     dx ~ N(0, inv(P)),   s_a ~ N(0, size_a^2),   d ~ N(0, eta^2 G),   e ~ N(0, sigma^2 T)
 
-where dx is a change of the law, P the inverse covariance of its prior, and size_a the usual size of the cause in a
-laboratory. The noise e has the standard deviation sigma and the correlation matrix T. The error d is the part that no
-listed cause explains. It has the unknown size eta in mm, and its covariance G is smooth along an edge and over the
-loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425). J has further columns for the errors that remain after the
-corrections by a finer mesh and by a three-dimensional model.
+    dx    change of the unknowns of the law; P is its prior precision, J the derivative of r
+    s_a   sizes of the bench error a; size_a are the usual sizes, C_a the derivative of r
+    d     unexplained error with the unknown size eta in mm and the smooth covariance G
+    e     noise with the standard deviation sigma and the correlation matrix T
 
-The evidence p(r | H) is the probability density of the residuals. Let L = sigma^2 T + eta^2 G. Let A be the columns of
-J and of all C_a, each times its prior standard deviation, and b = A' inv(L) r, where a prime denotes the transpose.
-Then
-
-    ln p(r | H, eta) = -1/2 (ln det L + r' inv(L) r) - 1/2 ln det(1 + A' inv(L) A) + 1/2 b' inv(1 + A' inv(L) A) b
-
-except for a constant (Bishop 2006, Pattern Recognition and Machine Learning, section 3.5; Woodbury's identity). The
-evidence is averaged over eta = 0 and 17 values from 1e-4 to 1 mm with equal distances in ln eta.
-
-Negligible causes. A second cause of negligible size shall not explain small errors of the beam model. The evidence is
-therefore multiplied by (m / (m + 0.3^2))^2 for each cause of H, where m is the posterior mean of |s_a / size_a|^2. If
-the reported size of a cause contains several amplitudes, m is the largest of their means. The factor is near one for
-amplitudes well above 0.3 of the usual size. It has the effect of a prior that vanishes at zero (a non-local prior:
-Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143).
-
-The probabilities. The hypotheses are no cause, one cause, and two causes together. Each of the M causes is present with
-the prior probability 1 / M, so that its prior odds are 1 to M - 1. The probability of a hypothesis with h causes is
-therefore proportional to p(r | H) (M - 1)^-h. Each hypothesis has two versions of equal prior probability. In the first
-version, every input has exactly its stated value. In the second version, every input with a stated uncertainty is one
-more unknown, with the stated standard deviation (`inference.doubts.stated_inputs`). The probability of a cause is the
-sum over all hypotheses that contain it. The probability that the same error is present within its stated uncertainty is
-added (`inference.doubts.deviating_inputs`). The probability of `none` is that of the hypotheses without a cause and
-without such an error. Causes with nearly the same signature share their probability equally
-(`inference.doubts.collinear_causes`).
-
-The computation (`inference.doubts.weighing`). Residuals are described by coefficients of orthonormal polynomials along
-each edge, which describe smooth signatures completely. The remainder gives sigma and T. The residuals are linear only
-in small amplitudes. The probable hypotheses are therefore simulated at their amplitudes, and the difference from the
-linear model is added to r (Gauss-Newton).
-
-Errors of the simulation. Two errors are added to the noise under every hypothesis. The first error remains after the
-corrections by better beam models. The second error is 1 per cent of each simulated change of the residuals. Both errors
-are assumed smooth along an edge and similar under similar loads, like d.
+The probability of a hypothesis with h of the M bench errors is proportional to p(r | hypothesis) (M - 1)^-h.
 """
 
 from __future__ import annotations
@@ -78,26 +42,26 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Cause:
-    """A possible error of the test bench, with the probability that it has caused the residuals of a fit.
+    """A bench error, with the probability that it has caused the residuals of a fit.
 
     Parameters
     ----------
     name : str
-        Name of the error. ``"none"`` stands for noise and for any error that is not listed.
+        Name of the error; ``"none"`` for no listed error.
     probability : float
         Probability that the error is present.
     value : float
-        Expected size of the error in ``unit`` if the error is present; zero for ``"none"``.
+        Expected size of the error.
     unit : str
-        Unit of the value; ``"1"`` for a share.
+        Unit of the size; ``"1"`` for a share.
     shift_percent : float
-        Change of the initial shear modulus in per cent if the fit is corrected for the error.
+        Change of the initial shear modulus by a correction for the error, in per cent.
     decide_by : str
         The measurement that decides whether the error is present.
     like : tuple of str
-        Names of the other errors that would change the residuals in nearly the same way.
+        Names of the errors with similar effects on the residuals.
     is_within_stated : bool
-        Whether the size of the error is at most twice the standard uncertainty that files state for it.
+        Whether the size is within its stated uncertainty.
     """
 
     name: str
@@ -112,31 +76,26 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The probabilities of possible errors of the test bench (causes), and the residuals after a correction for them.
+    """The probabilities of the bench errors, and the residuals of a fit after a correction for them.
 
     Parameters
     ----------
     causes : tuple of Cause
-        The causes, the most probable first.
+        The bench errors, the most probable first.
     in_the_fit : frozenset of str
-        Names of the causes that the fit has already corrected, because their sizes were fitted or measured.
+        Names of the errors whose sizes were fitted or measured.
     error_mm : dict of str to tuple of ndarray, shape (K,)
-        For each cause by name, one array for each experiment: the root mean square residuals in mm under each of K
-        loads if the fit were corrected for this cause alone.
+        Root mean square residuals under K loads after a correction for each error, one array for each experiment.
     modulus_percent : tuple of float
-        Smallest and largest change of the initial shear modulus in per cent if the fit were corrected for one of the
-        probable sets of causes.
+        Smallest and largest change of the initial shear modulus by the probable sets of errors, in per cent.
     most_probable : frozenset of str
-        Names of the causes in the most probable set of causes.
+        Names of the errors in the most probable set.
     beside_the_fit : float
-        Probability that at least one cause is present that the fit has not corrected.
+        Probability of any error that is not in ``in_the_fit``.
     remaining : tuple of ndarray, shape (K, G, m), or None
-        For each experiment, the residuals in mm if the fit were corrected for the most probable set of causes: K loads,
-        G = 2 edges (or the coordinates x and y of tracked points), m points. None if the beam model finds no
-        equilibrium, or if this correction would not change the fit.
+        Residuals at m points of each of G edges after a correction for the most probable set, in mm.
     as_stated : float
-        Probability that no cause is present. An error of an input within its stated uncertainty does not count as a
-        cause.
+        Probability that no bench error is present.
     """
 
     causes: tuple[Cause, ...]
@@ -155,31 +114,14 @@ def weighed_causes(
     effects: Sequence[Effect] = (),
     possible: Sequence[PossibleCause] = POSSIBLE_CAUSES,
 ) -> Weighed:
-    """Return how probable each possible error of the test bench (cause) is, given the residuals of a fit.
-
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    optimum : Optimum
-        The optimum of the fit.
-    effects : sequence of Effect
-        The corrections of the fit by better beam models, such as a finer mesh.
-    possible : sequence of PossibleCause
-        The causes to compare.
-
-    Returns
-    -------
-    Weighed
-        The causes with probabilities of at least 0.001. There are none if no cause changes the residuals, or if the
-        beam model finds no equilibrium at the optimum.
-    """
+    """Return the probability of each bench error, from the residuals of a fit."""
     if not possible:
         return Weighed((), frozenset(), {})
     about = About.of(problem, optimum, possible)
     if not about.solved:
         return Weighed((), frozenset(), {})
     columns_by_cause = {cause: columns for cause in possible if (columns := columns_of(about, cause))}
+    # The result is empty if no error changes the residuals, or if the optimum has no equilibrium.
     if not columns_by_cause:
         return Weighed((), frozenset(), {})
     weighing = Weighing(about, effects, stated_columns(about, possible), columns_by_cause)
@@ -204,6 +146,7 @@ def weighed_causes(
     )
     is_none = np.array([not hypothesis for hypothesis in weighing.hypotheses])
     no_deviation = float(np.prod([1 - one for one in _of_classes(within)]))
+    # The probability of no cause, and of no deviation of an input that the residuals show.
     nothing = float(probability[is_none] @ np.where(weighing.is_uncertain, no_deviation, 1.0)[is_none])
     causes, errors = [Cause(NONE, nothing, 0.0, "", 0.0, "")], {}
     for i, cause in enumerate(columns_by_cause):
@@ -213,6 +156,7 @@ def weighed_causes(
         beyond = float(probability[holds].sum())
         without = float(probability[weighing.is_uncertain & ~holds].sum())
         stated = within.get(i)
+        # The error may also be present within its stated uncertainty. It then is no cause of the hypothesis.
         total = beyond + without * (stated.probability if stated else 0.0)
         if total < _LEAST:
             continue
@@ -245,12 +189,12 @@ def weighed_causes(
 
 
 def _of_classes(within: Mapping[int, Deviation]) -> list[float]:
-    """Return the probability of each group of wrong inputs that change the residuals alike, such as width and scale."""
+    """Return, for each group of inputs with similar effects, the probability that one of them is wrong."""
     groups = {frozenset({cause, *one.like}) for cause, one in within.items()}
     return [min(sum(within[cause].probability for cause in group), 1.0) for group in groups]
 
 
 def _most_probable(probability: Array) -> NDArray[np.intp]:
-    """Return the indices of the most probable sets of errors, as many as have a total probability of 0.95."""
+    """Return the indices of the most probable sets of bench errors, with a total probability of 0.95."""
     order = np.argsort(-probability, kind="stable")
     return order[: int(np.searchsorted(np.cumsum(probability[order]), _PROBABLE)) + 1]

@@ -1,7 +1,4 @@
-"""List the possible causes of residuals in the loads: the moment, the field, and softening of the beam during the run.
-
-A cause is a possible error of the test bench. Softening counts as an increase of the loads, which has the same effect.
-"""
+"""List the bench errors of the loads: the moment, the field, and softening of the beam during the run."""
 
 from __future__ import annotations
 
@@ -29,10 +26,8 @@ def _by_loads(loads_of: Callable[[Loads, Array], Loads]) -> Change:
 
 
 def _softened(loads: Loads, stiffness: Array) -> Loads:
-    """Return loads under which a beam bends as much as it would under the given loads with another stiffness.
-
-    ``stiffness`` (K,) is the other stiffness divided by the stiffness of the beam, in each of K states.
-    """
+    """Return the loads divided by a relative stiffness, (K,), which has the effect of a softer beam."""
+    # Larger loads have the same effect as a softer beam.
     over = 1 / stiffness[:, None]
     return replace(
         loads, field_T=over * loads.field_T, gravity=over * loads.gravity, tip_force_N=over * loads.tip_force_N
@@ -40,21 +35,18 @@ def _softened(loads: Loads, stiffness: Array) -> Loads:
 
 
 def _crept(loads: Loads, amplitudes: Array) -> Loads:
-    """Return larger loads, which bend the beam as much as if it softened steadily from the first to the last state.
-
-    ``amplitudes`` has one element: the share of the stiffness that is lost between these states.
-    """
+    """Return the loads for a beam that steadily loses the share ``amplitudes[0]`` of its stiffness during the run."""
     return _softened(loads, 1 - amplitudes[0] * np.linspace(0, 1, len(loads)))
 
 
 def strengths(loads: Loads) -> Array:
-    """Return the size of the load in each of K states, (K,): field plus tip force, each divided by its maximum."""
+    """Return the size of the load in K load cases, (K,): field plus tip force, each divided by its maximum."""
     sizes = [np.linalg.norm(load, axis=1) for load in (loads.field_T, loads.tip_force_N)]
     return np.asarray(sum(size / size.max() for size in sizes if size.max() > 0) + np.zeros(len(loads)))
 
 
 def directions_of_change(loads: Loads) -> Array:
-    """Return 1 for each of K states that was reached by an increase of the load, and -1 after a decrease, (K,)."""
+    """Return 1 for each of K load cases after an increase of the load, and -1 after a decrease, (K,)."""
     steps = np.sign(np.round(np.diff(strengths(loads), prepend=-1e-3), 6))
     for k in range(1, len(steps)):
         steps[k] = steps[k] or steps[k - 1]
@@ -62,20 +54,14 @@ def directions_of_change(loads: Loads) -> Array:
 
 
 def _lagging(loads: Loads, amplitudes: Array) -> Loads:
-    """Return loads that are larger in the states that were reached by a decrease of the load.
-
-    The increase has the effect of a beam that is softer in these states. ``amplitudes`` has one element: the missing
-    share of the stiffness.
-    """
+    """Return the loads for a beam that is softer by the share ``amplitudes[0]`` after a decrease of the load."""
     return _softened(loads, 1 - amplitudes[0] * (directions_of_change(loads) < 0))
 
 
 def _graded(loads: Loads, amplitudes: Array) -> Loads:
-    """Return the loads with a magnetic field whose strength varies in space.
-
-    ``amplitudes`` has three relative changes of the strength per metre: along the beam, across the beam, and along the
-    axis of the coil at a distance of 10 mm from the magnet.
-    """
+    """Return the loads with a magnetic field whose strength varies in space."""
+    # The amplitudes are relative changes per metre: along the beam, across it, and along the axis of the coil at a
+    # distance of 10 mm from the magnet.
     # The third gradient is zero at the magnet of the straight beam and increases linearly along the axis of the coil.
     return with_gradient(loads, amplitudes[:2], float(amplitudes[2]) / (2 * _GRADIENT_AT_M))
 

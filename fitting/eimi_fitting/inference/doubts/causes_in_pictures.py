@@ -1,8 +1,4 @@
-"""List the possible causes of residuals that belong to the camera or to the calibration of its pictures.
-
-A cause is a possible error of the test bench. These causes displace the measured points, and do not bend the beam
-differently. The exception is a wrong direction of the beam in the picture, which also changes the loads.
-"""
+"""List the bench errors of the camera and of the calibration of its pictures."""
 
 from __future__ import annotations
 
@@ -26,9 +22,7 @@ _FARTHEST_AXIS = 2.0  # displacement of the lens axis up to which a distortion i
 def _by_picture(displacement: Callable[[Experiment, Array, Array], Array], shift: int | None = None) -> Change:
     """Return a function that corrects the measured points of an experiment for an error of the picture.
 
-    ``displacement`` computes how far the error has displaced points, in mm, from the experiment, the points and the
-    numbers that describe the error. ``shift`` is the index of the first of two such numbers that shift all points in x
-    and y; None if there are no such numbers.
+    ``displacement`` returns the displacements in mm of points by the error.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -51,13 +45,11 @@ def _measured(experiment: Experiment) -> Array:
 
 
 def _centre(experiment: Experiment) -> Array:
-    """Return the point (x, y) in mm where the axis of the lens meets the plane of the beam.
-
-    If the axis is not known, return the middle of the measured points.
-    """
+    """Return the point (x, y) in mm where the axis of the lens meets the plane of the beam."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.view is not None:
         return observed.view.centre_mm
+    # Without a known axis: the middle of the measured points.
     used = _measured(experiment)[np.isfinite(observed.sigma_mm)]
     return np.asarray(0.5 * (used.min(axis=0) + used.max(axis=0)))
 
@@ -69,11 +61,7 @@ def _stand_off_mm(experiment: Experiment) -> float:
 
 
 def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens.
-
-    The first of the ``amplitudes`` is the relative distortion at the measured point that is farthest from the lens
-    axis. The next two describe a displacement of this axis.
-    """
+    """Return the displacements in mm of the points ``places`` in a picture by a radial distortion of the lens."""
     centre, radial, off_centre = _centre(experiment), float(amplitudes[0]), amplitudes[1:3]
     used = _measured(experiment)[np.isfinite(experiment.observed.sigma_mm)] - centre
     farthest_mm = max(float(np.sqrt((used**2).sum(axis=-1).max())), 1e-6)
@@ -89,26 +77,21 @@ def _distorted(experiment: Experiment, places: Array, amplitudes: Array) -> Arra
 
 
 def _pitched(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture if the camera is tilted about two axes.
-
-    ``amplitudes`` has two angles in degrees. The first tilt brings points with a larger x nearer to the camera, and the
-    second brings points with a larger y nearer.
-    """
+    """Return the displacements in mm of the points ``places`` in a picture if the camera is tilted about two axes."""
     from_centre = places - _centre(experiment)
+    # The first tilt brings points with a larger x nearer to the camera, the second points with a larger y.
     nearer = from_centre @ np.radians(amplitudes) / _stand_off_mm(experiment)
     return np.asarray(nearer[..., None] * from_centre)
 
 
 def _farther(experiment: Experiment, places: Array, amplitudes: Array) -> Array:
-    """Return the displacements in mm of the points ``places`` in a picture if the beam is farther from the camera.
-
-    ``amplitudes`` has one element: the additional distance in mm.
-    """
+    """Return the displacements in mm of the points ``places`` if the beam is farther away by ``amplitudes[0]`` mm."""
     return np.asarray(-amplitudes[0] / _stand_off_mm(experiment) * (places - _centre(experiment)))
 
 
 CAUSES_IN_PICTURES: tuple[PossibleCause, ...] = (
     of_source("roll", "roll", (1.0,), "a plumb line in the picture"),
+    # The direction of the beam in the picture also changes the loads.
     of_source("clamp_angle", "axis", (0.5,), "a picture of the clamp's edge beside a plumb line (axis_angle_deg)"),
     of_source("clamp_offset", "clamp", (0.3, 0.3), "a picture of the clamp's edge (clamp_midpoint_px)"),
     of_source("scale", "scale", (0.01,), "a scale in the plane of the beam (pixels_per_mm)"),

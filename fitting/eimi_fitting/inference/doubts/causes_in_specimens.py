@@ -1,7 +1,4 @@
-"""List possible causes of residuals in the specimen: a wrong shape, twist or clamping, or a wrong law of its material.
-
-A cause is an assumption of a fit that may be wrong.
-"""
+"""List the bench errors of the specimen: a wrong shape, twist, clamping or law."""
 
 from __future__ import annotations
 
@@ -20,11 +17,9 @@ Array = NDArray[np.float64]
 
 
 def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with a width that varies along the beam.
-
-    ``amplitudes`` has two numbers in mm: the change of the width from the clamp to the end of the flexible part, and
-    the width at both ends minus the width in the middle.
-    """
+    """Return the assumptions of a fit, with a width that varies along the beam."""
+    # The amplitudes in mm: the change of the width from the clamp to the end of the flexible part, and the width at
+    # both ends minus the width in the middle.
     assumed = by_sources({("taper", 0): 1.0})(assumed, amplitudes[:1])
     if not amplitudes[1]:
         return assumed
@@ -34,10 +29,8 @@ def _tapered(assumed: Assumed, amplitudes: Array) -> Assumed:
 
 
 def _untwisted(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with measured edges that are corrected for a twist of the beam by its magnet.
-
-    ``amplitudes`` has the angle in degrees between the magnetic moment and the plane of the picture.
-    """
+    """Return the assumptions of a fit, with edges that are corrected for a twist of the beam by its magnet."""
+    # The amplitude is the angle between the magnetic moment and the plane of the picture.
     law, parameters, angle_deg = assumed.law, assumed.parameters, float(amplitudes[0])
     return replace(assumed, experiment=without_twist(assumed.experiment, assumed.bent, law, parameters, angle_deg))
 
@@ -51,17 +44,13 @@ _AS_TERMS: dict[str, tuple[tuple[str, ...], tuple[float, ...]]] = {
 
 
 def _with_terms(assumed: Assumed, amplitudes: Array) -> Assumed:
-    """Return the assumptions of a fit, with two more terms in the strain energy of the material.
-
-    The terms are proportional to (I1 - 3)^2 and I2 - 3, where I1 and I2 are the first two invariants of the
-    deformation. ``amplitudes`` has the sizes of these terms in units of the initial shear modulus, which stays the
-    same.
-    """
+    """Return the assumptions of a fit, with terms in (I1 - 3)^2 and I2 - 3 added to the strain energy."""
     if assumed.law.name not in _AS_TERMS or not amplitudes.any():
         return assumed
     terms, factors = _AS_TERMS[assumed.law.name]
     coefficients = dict(zip(terms, assumed.parameters[0] * factors, strict=True))
     modulus = float(assumed.law.initial_shear_modulus(assumed.parameters)[0])
+    # The amplitudes are in units of the initial shear modulus, which the terms do not change.
     quadratic, second = modulus * amplitudes
     coefficients["i1^2"] = coefficients.get("i1^2", 0.0) + quadratic
     coefficients["i2"] = coefficients.get("i2", 0.0) + second

@@ -1,9 +1,6 @@
 """Check the result of a fit: compare the residuals with the deflection of the beam and with the noise.
 
-The error of a state (one load) is its root mean square residual. A fit is refused if the beam model does not explain a
-state, that is, if the error of the state exceeds two limits. One limit is three times the stated uncertainty of the
-points. The other is a twentieth of the largest deflection, or half the width of the beam if this is smaller. A fit is
-accepted with a doubt (a warning) if the residuals are many times the stated uncertainty of the edges.
+A fit with large residuals is refused (`check_explained`). Smaller ones above the noise give a warning (`Doubt`).
 """
 
 from __future__ import annotations
@@ -43,19 +40,7 @@ _CONTRADICTS = 3.0  # standard deviations
 
 
 class NotExplained(Exception):
-    """The exception for a fit whose best parameters do not explain the measured edges under one load (state).
-
-    Parameters
-    ----------
-    experiment, state : int
-        Index of the experiment and index of the state in this experiment, counted from 0.
-    error_mm : float
-        Root mean square residual of the state in mm.
-    deflection_mm : float
-        Largest measured deflection of the experiment in mm.
-    curves : bool
-        Whether the fit contains tensile curves, which may be the reason for the large error.
-    """
+    """The exception for a fit that does not explain the measured edges of a load case."""
 
     def __init__(
         self, experiment: int, state: int, error_mm: float, deflection_mm: float, curves: bool = False
@@ -76,7 +61,7 @@ class NotExplained(Exception):
 
 
 def deflection_mm(experiment: Experiment) -> float:
-    """Return the largest distance in mm of a measured point, in any state, from the simulated beam at rest."""
+    """Return the largest distance in mm of a measured point from the undeformed beam."""
     model: BeamModel = experiment.model
     k = len(experiment.loads)
     rest = Shapes(
@@ -100,29 +85,21 @@ def check_explained(
     curves: bool = False,
     beyond: bool = False,
 ) -> None:
-    """Raise an exception if the beam model does not explain the measured edges under one of the loads (states).
+    """Raise an exception if a fit does not explain the measured edges of a load case.
 
     Parameters
     ----------
-    final : Comparison
-        The residuals for several sets of parameters, the optimum first.
-    experiments : sequence of Experiment
-        The experiments, in the same order as in `final`.
     without_clamp : sequence of ndarray, shape (K,), optional
-        For each experiment, the root mean square residuals of the K states in mm if the clamp were elsewhere in the
-        picture. A state is checked with these residuals if they are smaller than those of ``final``.
-    curves : bool
-        Whether the fit contains tensile curves.
-    beyond : bool
-        Whether tensile curves or priors contradict the optimum so strongly that no state counts as explained.
+        Root mean square residuals in mm after a correction of the place of the clamp.
 
     Raises
     ------
     NotExplained
-        If the beam model does not explain a state.
+        If the residuals of a load case are too large.
     """
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         error = misfit.error_mm[0]
+        # A clamp at a wrong place in the picture is no reason to refuse a fit.
         if without_clamp is not None:
             error = np.minimum(error, without_clamp[index])
         moved = deflection_mm(experiment)
@@ -130,7 +107,9 @@ def check_explained(
         if isinstance(experiment.observed, EdgeObservation):
             limit = min(limit, _OF_WIDTH * experiment.model.specimen.width_mm)
         stated = _stated_mm(experiment, misfit)
+        # A state is refused if its error exceeds both limits.
         limits = np.maximum(limit, np.where(np.isfinite(stated), _WITHIN_NOISE * stated, 0.0))
+        # Tensile curves or priors contradict the optimum: no state counts as explained.
         limits = np.zeros_like(limits) if beyond else limits
         worst = int(np.argmax(error - limits))
         if not error[worst] <= limits[worst]:
@@ -161,16 +140,15 @@ class Doubt:
     Parameters
     ----------
     words : str
-        The reason as an English text for people.
+        The reason, for people.
     dataset, state, curve : int, optional
-        Index of the dataset, of the state in this dataset, or of the tensile curve to which the doubt belongs, counted
-        from 0; None if it does not belong to one dataset, state or curve.
+        Index of the dataset, of the load case in the dataset, and of the tensile curve.
     modulus_percent : tuple of float, optional
-        Smallest and largest change of the initial shear modulus in per cent if the doubt is right; None if not known.
+        Smallest and largest error of the initial shear modulus, in per cent.
     short : str
-        The doubt in few words for the first line of a result; empty if there is no short form.
+        The reason in few words.
     kind : DoubtKind, optional
-        Subject of the doubt, for programs; None for a doubt from a file, which does not store the subject.
+        The subject, for programs.
     """
 
     words: str
@@ -183,17 +161,16 @@ class Doubt:
 
 
 class NotDetermined(Exception):
-    """The exception for a fit to a single load (state) that does not determine the initial shear modulus."""
+    """The exception for a fit to a single load case that does not determine the initial shear modulus."""
 
 
 def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> None:
-    """Raise an exception if there is only one load (state) and it does not determine the initial shear modulus.
+    """Raise an exception if a single load case does not determine the initial shear modulus.
 
     Raises
     ------
     NotDetermined
-        If there is only one state, and the upper end of the 95 % interval of the modulus exceeds four times the lower
-        end.
+        If the upper end of the 95 % interval exceeds four times the lower end.
     """
     if sum(len(experiment.loads) for experiment in experiments) == 1 and is_open(estimate.initial_shear_modulus):
         low, high = estimate.initial_shear_modulus.interval_95
@@ -204,20 +181,7 @@ def check_determined(estimate: Estimate, experiments: Sequence[Experiment]) -> N
 
 
 def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a warning (doubt) for each tensile curve that a fit to beams and tensile curves describes badly.
-
-    Parameters
-    ----------
-    curves : sequence of TensileEvidence
-        The tensile curves, with the noise of a fit to each curve alone.
-    rmse_Pa : sequence of float
-        Root mean square residual of each curve in the joint fit, in Pa.
-
-    Returns
-    -------
-    tuple of Doubt
-        The doubts; empty if there is none.
-    """
+    """Return a warning for each tensile curve that a joint fit to beams and curves describes badly."""
     words = (
         "this curve and the edges contradict each other: check that both belong to the same material and that the unit "
         "of the curve is right"
@@ -225,16 +189,12 @@ def curve_doubts(curves: Sequence[TensileEvidence], rmse_Pa: Sequence[float]) ->
     return tuple(
         Doubt(words, curve=index, kind="curve_contradicts")
         for index, (curve, rmse) in enumerate(zip(curves, rmse_Pa, strict=True))
-        if rmse > _CONTRADICTS * curve.noise_Pa
+        if rmse > _CONTRADICTS * curve.noise_Pa  # the noise of a fit to this curve alone
     )
 
 
 def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[Doubt, ...]:
-    """Return a warning (doubt) for each prior that contradicts the measurements by more than three standard deviations.
-
-    ``distances`` has, for each prior, the difference between its mean and the estimate from all other data, in standard
-    deviations.
-    """
+    """Return a warning for each prior that differs from the measurements by more than three standard deviations."""
     return tuple(
         Doubt(
             f"the estimate from the data alone differs from the prior on {prior.parameter}, {prior.mean:.5g} ± "
@@ -247,7 +207,7 @@ def prior_doubts(priors: Sequence[Prior], distances: Sequence[float]) -> tuple[D
 
 
 def slip_doubts(slips: Sequence[NamedCause]) -> tuple[Doubt, ...]:
-    """Return a warning (doubt) for each mistake that was found in the stated loads, such as a reversed field."""
+    """Return a warning for each mistake that was found in the stated loads, such as a reversed field."""
     return tuple(
         Doubt(
             f"check the loads in the files for {slip.words}: without this mistake the mean error would be about "
@@ -266,28 +226,7 @@ def doubts(
     is_named: bool = False,
     is_as_stated: bool = False,
 ) -> tuple[Doubt, ...]:
-    """Return the warnings (doubts) about a fit that follow from its residuals.
-
-    Parameters
-    ----------
-    final : Comparison
-        The residuals for several sets of parameters, the optimum first.
-    experiments : sequence of Experiment
-        The experiments, in the same order as in `final`.
-    missing : sequence of str
-        One sentence for each error that the intervals do not contain, such as the error of the mesh.
-    is_named : bool
-        Whether the intervals contain the effect of an error of the test bench that probably caused the residuals. The
-        warning about large residuals then does not say that the intervals are too narrow.
-    is_as_stated : bool
-        Whether errors of the inputs within their stated uncertainties explain the residuals. There is then no warning
-        about large residuals.
-
-    Returns
-    -------
-    tuple of Doubt
-        The doubts; empty if there is none.
-    """
+    """Return the warnings about a fit that follow from its residuals."""
     result: list[Doubt] = []
     for index, (experiment, misfit) in enumerate(zip(experiments, final.misfits, strict=True)):
         result += [Doubt(words, index, kind="correction_missing") for words in missing]
@@ -299,6 +238,7 @@ def doubts(
                 "geometry, the scale or the loads of the fit differ from the specimen, and the intervals do not "
                 "contain this error"
             )
+            # The intervals then contain the error.
             if is_named:
                 words = f"the residuals are {ratio:.0f} times the given uncertainty of the measured places"
             result.append(Doubt(words, index, kind="beyond_noise"))
@@ -314,12 +254,12 @@ def pairs(experiments: Sequence[Experiment], final: Comparison) -> Iterator[tupl
 
 
 def noise_ratio(experiment: Experiment, misfit: Misfit) -> float:
-    """Return the median over all states of the root mean square residual, divided by the stated noise of the points."""
+    """Return the median over the load cases of the root mean square residual, divided by the stated noise."""
     return float(np.median(misfit.error_mm[0] / np.maximum(_noise_mm(experiment, misfit), 1e-9)))
 
 
 def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the stated noise of the points in each of K states in mm, (K,), without additions for blur."""
+    """Return the stated noise of the points in each of K load cases in mm, (K,)."""
     observed = experiment.observed
     if isinstance(observed, EdgeObservation) and observed.noise_mm is not None:
         # Without the increase for a defect of the picture, such as blur, which could hide a wrong law.
@@ -328,7 +268,7 @@ def _noise_mm(experiment: Experiment, misfit: Misfit) -> Array:
 
 
 def _stated_mm(experiment: Experiment, misfit: Misfit) -> Array:
-    """Return the root mean square of the stated uncertainties of the points in each of K states in mm, (K,)."""
+    """Return the root mean square stated uncertainty of the points in each of K load cases in mm, (K,)."""
     sigma = experiment.observed.sigma_mm
     if not isinstance(experiment.observed, EdgeObservation):
         sigma = np.repeat(sigma[:, None], 2, axis=1)

@@ -1,9 +1,4 @@
-"""Collect the unknown numbers that may explain the residuals of a fit, and the effect of each on the residuals.
-
-The unknown numbers are called coefficients. They are the sizes of possible errors of the test bench (causes), changes
-of the law, and errors of inputs within their uncertainties. Their effects on the residuals are described by polynomials
-along each edge.
-"""
+"""Collect the unknown numbers that may explain the residuals of a fit, such as the sizes of bench errors."""
 
 from __future__ import annotations
 
@@ -27,31 +22,24 @@ _CORNERS_MM = 0.01
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The unknown numbers that may explain the residuals of a fit, and how each of them changes the residuals.
+    """The C unknown numbers that may explain the residuals of a fit, and how each of them changes the residuals.
 
-    There are four kinds of unknown numbers, in this order: changes of the law; errors of inputs within their
-    uncertainties; sizes of the errors that better beam models, such as a finer mesh, do not correct; sizes of possible
-    errors of the test bench (causes). The residuals are described by N coefficients of polynomials along the edges
-    (`Projection`).
+    The list contains changes of the law, errors of inputs, errors of the beam model, and sizes of bench errors.
 
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change in mm of the N polynomial coefficients by one prior standard deviation of each of the C unknown numbers.
-        The last row is zero, for lists of indices that are filled up to the same length.
+        Change of N polynomial coefficients (`Projection`) by one prior standard deviation of each number, in mm.
     scale : ndarray, shape (C + 1,)
-        Prior standard deviation of each unknown number; 1 for the last row.
+        Prior standard deviation of each number.
     law, simulated, common : int
-        How many unknown numbers belong to the first kind (``law``), to the first two kinds (``simulated``), and to the
-        first three kinds (``common``).
+        Length of the list up to the changes of the law, the errors of inputs, and the errors of the beam model.
     of_inputs, of_causes : list of list of int
-        For each uncertain input (``of_inputs``) and each cause (``of_causes``), the indices of its unknown numbers.
+        Indices of the numbers of each input, and of each bench error.
     columns : list of Column
-        Descriptions of the second and of the fourth kind.
+        Descriptions of the errors of inputs and of the bench errors.
     remaining : ndarray, shape (E, N)
-        Changes in mm of the N polynomial coefficients by one standard deviation of the errors that remain after each of
-        E corrections by better beam models. They give the root mean square of a further error, whose shape along an
-        edge is unknown.
+        Change of the coefficients by each of E errors of the beam model, in mm.
     """
 
     rows: Array
@@ -72,20 +60,7 @@ class Coefficients:
         stated: Mapping[PossibleCause, Sequence[Column]],
         columns_by_cause: Mapping[PossibleCause, Sequence[Column]],
     ) -> Coefficients:
-        """Collect the unknown numbers that may explain the residuals of a fit, with their effects and prior spreads.
-
-        Parameters
-        ----------
-        about : About
-            The optimum of the fit, with the derivatives of the residuals.
-        project : Projection
-            The map from residuals to coefficients of polynomials along each edge.
-        effects : sequence of Effect
-            The corrections of the fit by better beam models, such as a finer mesh.
-        stated, columns_by_cause : mapping of PossibleCause to sequence of Column
-            The components of the error of each uncertain input (``stated``), such as x and y, and those of each
-            possible error of the test bench.
-        """
+        """Collect the unknown numbers, with their effects on the residuals and their prior standard deviations."""
         # The error of the meshes is largest in the corners at the clamp, where it acts as a softer or stiffer clamp.
         corners = [c for cause, columns in columns_by_cause.items() if cause.name == "clamp_softness" for c in columns]
         inputs, of_causes = ([c for cs in some.values() for c in cs] for some in (stated, columns_by_cause))
@@ -105,6 +80,7 @@ class Coefficients:
             *(column.changes for column in (*corners, *of_causes)),
         ]
         slopes = [project.of(about.slopes), *(project.of(change)[None] for change in changes)]
+        # The last row is zero, for lists of indices that are filled up to one length.
         size = slopes[0].shape[-1]
         remaining = [effect.remaining_share / NORMAL_95 * project.of(effect.correction.changes) for effect in effects]
         return Coefficients(
@@ -120,15 +96,12 @@ class Coefficients:
         )
 
     def column(self, row: int) -> Column:
-        """Return the description of one unknown number: an error of an input, or an error of the test bench.
-
-        ``row`` is the index of the number among all unknown numbers.
-        """
+        """Return the description of the error of an input or of the bench error with the index ``row``."""
         return self.columns[row - self.law if row < self.common else row - self.law - self.common + self.simulated]
 
 
 def _blocks(columns: Iterable[Sequence[Column]], first: int) -> list[list[int]]:
-    """Return consecutive indices, from ``first``, for the elements of several sequences: one list for each sequence."""
+    """Return consecutive indices from ``first``: one list for each element of ``columns``."""
     blocks = []
     for some in columns:
         blocks.append(list(range(first, first + len(some))))

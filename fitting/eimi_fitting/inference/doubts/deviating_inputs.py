@@ -1,8 +1,4 @@
-"""Find the inputs, such as a width, that the residuals show to differ from their stated values.
-
-The difference is within the uncertainty that a file states, and is therefore no error of the test bench. Its
-probability is computed because it may still be the reason for the residuals.
-"""
+"""Find the inputs, such as a width, that the residuals show to differ from their stated values."""
 
 from __future__ import annotations
 
@@ -22,21 +18,20 @@ _SEEN = 2 * np.log(9.0)  # a smaller change of the squares favours a deviation b
 
 @dataclass(frozen=True)
 class Deviation:
-    """A difference of an input from its stated value, within its uncertainty, that the residuals of a fit show.
+    """The error of an input within its stated uncertainty.
 
     Parameters
     ----------
     cause : int
-        Index of the error that consists in this difference, such as "wrong scale", in the list of possible errors of
-        the test bench.
+        Index of the error in the list of bench errors.
     probability : float
-        Probability that the difference is present and not negligible.
+        Probability that the error is not negligible.
     value : float
-        Size of the difference in the unit of the error.
+        Size of the error in its unit.
     moved : float
-        Change of the first unknown of the law by the difference. The unknown varies from 0 to 1 between its bounds.
+        Change of the first unknown of the law by the error, as a share of the range.
     like : tuple of int
-        Indices of the other errors that would change the residuals in nearly the same way.
+        Indices of the errors with similar effects on the residuals.
     """
 
     cause: int
@@ -47,29 +42,14 @@ class Deviation:
 
 
 def deviations(weighing: Weighing, posterior: Posterior, base: int) -> dict[int, Deviation]:
-    """Return the differences of inputs from their stated values, within their uncertainties, that the residuals show.
+    """Return the errors of inputs within their stated uncertainties that the residuals show.
 
-    Example: a width that is wrong by twice its stated uncertainty. A larger error of the width would be an error of the
-    test bench.
-
-    Parameters
-    ----------
-    weighing : Weighing
-        The comparison of sets of errors of the test bench.
-    posterior : Posterior
-        The probability density of the residuals and the sizes of all errors, for each set.
-    base : int
-        Index of the most probable set. Its errors are omitted: they count as errors of the test bench.
-
-    Returns
-    -------
-    dict of int to Deviation
-        The differences. A key is the index of the error that consists in the difference, in the list of possible errors
-        of the test bench.
+    A key is an index in the list of bench errors. ``base`` is the index of the most probable set of bench errors.
     """
     recognised: dict[int, Deviation] = {}
     for cause in range(len(weighing.blocks)):
         rows = weighing.rows_of_inputs(cause)
+        # An error of the most probable set is a cause, and not a deviation within the uncertainty.
         if not rows or cause in weighing.hypotheses[base]:
             continue
         if weighing.squares_of(base, posterior, rows) < _SEEN:

@@ -1,9 +1,4 @@
-"""Describe residuals by coefficients in orthonormal polynomials along each edge, with the variance of each coefficient.
-
-Errors of a test bench, such as a wrong scale, change the residuals smoothly along an edge. A few coefficients describe
-such changes completely. The rest of the residuals, which is not smooth, gives the size and the correlation of the
-noise.
-"""
+"""Describe residuals by coefficients in polynomials along each edge, with the variance of each coefficient."""
 
 from __future__ import annotations
 
@@ -30,22 +25,18 @@ _FEWEST = 10  # points of the remainder from which the noise is estimated
 
 @dataclass(frozen=True)
 class Projection:
-    """The linear map from residuals to N coefficients of polynomials along each edge, with their variances.
+    """The linear map from residuals to N polynomial coefficients, with their variances.
 
-    In the shapes, K is the number of states (loads), G = 2 the number of edges (or the coordinates x and y of tracked
-    points), m the number of points on an edge, and D the number of polynomials.
+    K are the load cases, G = 2 the edges, m the points on an edge, and D the polynomials.
 
     Parameters
     ----------
     bases : tuple of ndarray, shape (K, G, m, D)
-        For each experiment, the values of the orthonormal polynomials at the points; zero for a point that is not used.
+        Values of the polynomials at the points of each experiment.
     over_states, over_groups : tuple of ndarray, shape (K, K) and (G, G)
-        For each experiment, two orthogonal matrices. They combine the coefficients of different states
-        (``over_states``) and of different edges (``over_groups``) linearly, so that the combinations are not
-        correlated.
+        Orthogonal matrices for uncorrelated combinations of the load cases, and of the edges.
     noise, error : ndarray, shape (N,)
-        Variance of each coefficient in mm^2: due to noise (``noise``), and due to an unknown smooth error of the size 1
-        mm (``error``).
+        Variance in mm^2 of each coefficient due to noise, and due to an unexplained error of the size 1 mm.
     """
 
     bases: tuple[Array, ...]
@@ -55,10 +46,7 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the N polynomial coefficients in mm that describe the residuals along each edge, shape (..., N).
-
-        There is one array of residuals in mm for each experiment; None stands for zero.
-        """
+        """Return the N coefficients in mm of the residuals in mm of each experiment, shape (..., N)."""
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
         for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
@@ -70,11 +58,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variances of N polynomial coefficients in mm^2 due to smooth errors of the simulation, (N,).
-
-        Each row of ``moves`` has the changes of the coefficients in mm by one of the errors. Only the root mean square
-        of the changes is used.
-        """
+        """Return the variances in mm^2 of the coefficients due to smooth errors with the changes ``moves`` in mm."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])
@@ -88,21 +72,14 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
     Parameters
     ----------
-    experiments : sequence of Experiment
-        The experiments.
     residuals, used : sequence of ndarray, shape (K, G, m)
-        For each experiment, residuals in mm, and weights that are positive for the points to use: K loads, G = 2 edges
-        (or the coordinates x and y of tracked points), m points.
-
-    Returns
-    -------
-    Projection
-        The map, with the variances of the polynomial coefficients.
+        Residuals in mm, and weights that are positive for the points to use.
     """
     bases, turns, mixes, noises, errors = [], [], [], [], []
     for experiment, residual, weights in zip(experiments, residuals, used, strict=True):
         is_used = weights > 0
         basis = _polynomials(is_used)
+        # The causes change the residuals smoothly along an edge. The remainder is noise.
         remainder = residual - np.einsum("kgd,kgmd->kgm", np.einsum("kgm,kgmd->kgd", residual, basis), basis)
         counts = is_used.sum(axis=-1)
         noise = _noise(experiment, remainder * is_used, is_used, counts)
@@ -119,10 +96,7 @@ def projection(experiments: Sequence[Experiment], residuals: Sequence[Array], us
 
 
 def _polynomials(is_used: NDArray[np.bool_]) -> Array:
-    """Return the values of D orthonormal polynomials along each edge at its m measured points, shape (K, G, m, D).
-
-    There are G edges in K states.
-    """
+    """Return the values of D orthonormal polynomials at the m points of each of G edges, shape (K, G, m, D)."""
     degrees = min(_DEGREES, is_used.shape[-1])
     place = np.cumsum(is_used, axis=-1) / np.maximum(is_used.sum(axis=-1, keepdims=True), 1)
     powers = np.polynomial.legendre.legvander(2 * place - 1, degrees - 1) * is_used[..., None]
@@ -132,10 +106,7 @@ def _polynomials(is_used: NDArray[np.bool_]) -> Array:
 
 
 def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_], counts: NDArray[np.intp]) -> Array:
-    """Return the variance due to noise of the polynomial coefficients that describe the residuals, in mm^2, (G, D).
-
-    There are D polynomials along each of G edges.
-    """
+    """Return the variance in mm^2 due to noise of D polynomial coefficients of each of G edges, (G, D)."""
     degrees = min(_DEGREES, is_used.shape[-1])
     free = int(np.maximum(counts - degrees, 0).sum())
     sigma = experiment.observed.sigma_mm
@@ -150,12 +121,10 @@ def _noise(experiment: Experiment, remainder: Array, is_used: NDArray[np.bool_],
 
 
 def _over_loads(experiment: Experiment) -> Array:
-    """Return the assumed correlation of the unexplained error between K states, (K, K); it is high for similar loads.
-
-    The unexplained error is the part of the residuals that no listed error of the test bench explains.
-    """
+    """Return the assumed correlation of the unexplained error between K load cases, (K, K)."""
     loads = experiment.loads
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
+    # The error is similar under similar loads (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63:425).
     signed = strengths(loads) * np.where(loads.field_T @ strongest < 0, -1.0, 1.0)
     apart = (signed[:, None] - signed) / _LOAD_RANGE
     return np.asarray((1 - _OF_ONE_STATE) * np.exp(-0.5 * apart**2) + _OF_ONE_STATE * np.eye(len(signed)))

@@ -1,4 +1,4 @@
-"""Compute the evidence (probability density of the data) of several linear models with normal noise."""
+"""Compute the evidence (probability density of the data) of linear models with normal noise."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta
+_ERRORS_MM = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 17)])  # eta; the evidence is averaged over it
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The evidence (probability density of the data) of H linear models, and the posterior of their C coefficients.
+    """The evidence (probability density of the data) of H linear models, and their C coefficients.
 
     Parameters
     ----------
     log_evidence : ndarray, shape (H,)
-        Logarithm of the evidence of each model.
+        Logarithm of the evidence.
     means : ndarray, shape (H, C)
-        Posterior mean of each coefficient, divided by its prior standard deviation; zero if the model does not have the
-        coefficient.
+        Posterior mean of each coefficient, in prior standard deviations.
     squares : ndarray, shape (H, C)
-        Posterior mean of the square of each coefficient, divided by its prior variance.
+        Posterior mean square of each coefficient, in prior variances.
     error_squared : ndarray, shape (H,)
-        Posterior mean square in mm^2 of the error that the model does not explain.
+        Posterior mean square of the unexplained error, in mm^2.
     """
 
     log_evidence: Array
@@ -36,12 +35,12 @@ class Posterior:
     error_squared: Array
 
     def take(self, rows: slice) -> Posterior:
-        """Return the evidence and the coefficients of some of the models."""
+        """Return the evidence and the coefficients of some models."""
         return Posterior(self.log_evidence[rows], self.means[rows], self.squares[rows], self.error_squared[rows])
 
     @staticmethod
     def of_all(parts: Sequence[Posterior]) -> Posterior:
-        """Join the evidence and the coefficients of several groups of models, in the given order."""
+        """Join the evidence and the coefficients of several groups of models."""
         names = ("log_evidence", "means", "squares", "error_squared")
         return Posterior(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
@@ -49,27 +48,18 @@ class Posterior:
 def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, error: Array) -> Posterior:
     """Return the evidence (probability density of the data) of H linear models, and their posterior coefficients.
 
-    A model describes N data as a sum of three parts: some rows of ``columns``, each times a coefficient with a standard
-    normal prior; normal noise; and a normal error of unknown size that the model does not explain.
-
     Parameters
     ----------
     columns : ndarray, shape (C, N)
-        Change of the N data by one prior standard deviation of each of the C coefficients. The last row is zero.
+        Change of the N data by one prior standard deviation of each coefficient; zero in the last row.
     members : ndarray, shape (H, q)
-        Indices of the rows of ``columns`` that belong to each model, filled up with the index of the last row.
+        Indices of the coefficients of each model, filled up with the last index.
     y : ndarray, shape (H, N)
-        The N data, one row for each model. The rows differ if each model is a linear approximation about its own point,
-        because the nonlinear remainder is subtracted from the data.
+        The data for each model, in mm.
     noise, error : ndarray, shape (N,)
-        Variance of each datum in mm^2: due to noise (``noise``), and due to an unexplained error of the size 1 mm
-        (``error``).
-
-    Returns
-    -------
-    Posterior
-        Evidence and coefficients of the H models, averaged over the unknown size of the unexplained error.
+        Variance of each datum in mm^2 due to noise, and due to an unexplained error of the size 1 mm.
     """
+    # Bishop 2006, Pattern Recognition and Machine Learning, section 3.5, with Woodbury's identity.
     common, own = _common(members)
     h, q = members.shape
     logs, means, squares = np.zeros((len(_ERRORS_MM), h)), *np.zeros((2, len(_ERRORS_MM), h, q))
@@ -104,7 +94,7 @@ def weigh(columns: Array, members: NDArray[np.intp], y: Array, noise: Array, err
 
 
 def _common(members: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the indices of the coefficients that all models have, (c,), and of the other coefficients, (H, q - c)."""
+    """Return the indices of the coefficients that all models have, (c,), and those of the rest, (H, q - c)."""
     differs = (members != members[0]).any(axis=0)
     first = int(np.argmax(differs)) if differs.any() else members.shape[1]
     return members[0, :first], members[:, first:]

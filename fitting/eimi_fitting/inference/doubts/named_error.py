@@ -1,13 +1,7 @@
-"""Compute the intervals of a fit again if a probable cause explains most of the residuals, which are then not noise.
+"""Compute the intervals of a fit again if probable bench errors explain most of the residuals.
 
-A cause is an error of the test bench that no file states, such as a rolled camera. Its residuals are similar in all
-points and states. If they counted as correlated noise, the data would have only one or two independent points, and an
-interval could be hundreds of per cent wide. If they counted as noise of independent points, the interval would be
-narrower than the error of the modulus that the cause produces.
-
-If causes are probable and explain most of the residuals, the noise is therefore computed from the residuals after a
-correction for the most probable causes. The change of the modulus by these causes widens the interval: it counts as the
-95 % bound of a further normal error. The value of the modulus stays the value of the fit without this correction.
+The noise is computed from the residuals after a correction for these bench errors. The change of the modulus by the
+correction widens the interval.
 """
 
 from __future__ import annotations
@@ -49,37 +43,16 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return the result of a fit with intervals in which residuals by probable errors of the bench are not noise.
-
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    optimum : Optimum
-        The optimum of the fit.
-    effects : sequence of Effect
-        The corrections of the fit by better beam models, such as a finer mesh.
-    weighed : Weighed
-        The possible errors of the test bench with their probabilities.
-    before : Estimate
-        The result with intervals that count all residuals as noise.
-    refinements : sequence of str
-        Names of all corrections by better beam models that were tried.
-    seed : int
-        Seed of the random draws.
-
-    Returns
-    -------
-    Estimate or None
-        The new result, or None if ``before`` stays valid, because no error is probable or explains most of the
-        residuals.
-    """
+    """Return a result with intervals for probable bench errors that explain most of the residuals, or None."""
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
         return None
     error_mm = remaining_error_mm(weighed, problem.experiments)
     if error_mm is None or error_mm > _EXPLAINS * optimum.evaluation.comparison.error_mm[0].mean():
         return None
+    # The residuals of a cause are alike in all points. As correlated noise, they would leave one or two independent
+    # points and an interval of hundreds of per cent. As noise of independent points, they would give an interval
+    # narrower than the error of the modulus. The value of the modulus stays that of the fit.
     misfits = optimum.evaluation.comparison.misfits
     changes = [after - misfit.residuals[0] for after, misfit in zip(remaining, misfits, strict=True)]
     changed, reached = _with_changes(problem, optimum, changes)
@@ -87,9 +60,9 @@ def estimate_beside(
     # Without the residuals of the causes, the optimum would move by `step`. The effect of this step on the residuals is
     # added, so that the optimum stays the optimum of the fit to first order.
     step = -np.linalg.solve(about.hessian, about.score)
-    held = [np.tensordot(step, states.slopes, axes=1) for states in about.states]
+    by_step = [np.tensordot(step, states.slopes, axes=1) for states in about.states]
     changed, reached = _with_changes(
-        problem, optimum, [change + more for change, more in zip(changes, held, strict=True)]
+        problem, optimum, [change + more for change, more in zip(changes, by_step, strict=True)]
     )
     noise = linearise_noise(changed, reached, effects)
     shift = _ENLARGED * max(weighed.modulus_percent, key=abs)
@@ -105,10 +78,7 @@ def estimate_beside(
 
 
 def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> float | None:
-    """Return the mean error in mm of a fit after a correction for the most probable errors of the test bench.
-
-    The mean is over the root mean square residuals of the states. The result is None if no correction was computed.
-    """
+    """Return the mean error of a fit in mm after a correction for the most probable bench errors, or None."""
     if weighed.remaining is None:
         return None
     errors = [
@@ -119,7 +89,7 @@ def remaining_error_mm(weighed: Weighed, experiments: Sequence[Experiment]) -> f
 
 
 def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
-    """Return whether the 95 % interval contains the modulus after each of several shifts of its value in per cent."""
+    """Return whether the 95 % interval contains the modulus after each of several shifts in per cent."""
     low, high = modulus.interval_95
     return all(low <= modulus.value * (1 + 1e-2 * shift) <= high for shift in shifts_percent)
 
@@ -127,7 +97,7 @@ def contains(modulus: Quantity, shifts_percent: Iterable[float]) -> bool:
 def _with_changes(
     problem: Problem, optimum: Optimum[Evaluation], changes: Sequence[Array]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Return a fit and its optimum after changes in mm, one array for each experiment, were added to the residuals."""
+    """Return a fit and its optimum after changes in mm were added to the residuals of each experiment."""
     experiments = tuple(
         replace(e, change=change if e.change is None else e.change + change)
         for e, change in zip(problem.experiments, changes, strict=True)

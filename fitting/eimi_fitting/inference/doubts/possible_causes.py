@@ -1,8 +1,4 @@
-"""Describe a possible error of a test bench (a cause of residuals): its usual size, its effect, and how to confirm it.
-
-An error contradicts what a fit assumes about the specimen, the loads, the picture or the law. The effect of an error is
-described by a function that changes these assumptions. All causes are listed in `inference.doubts.table_of_causes`.
-"""
+"""Describe a bench error: its usual size, its effect on the assumptions of a fit, and how to confirm it."""
 
 from __future__ import annotations
 
@@ -25,21 +21,20 @@ BOTH_POLARITIES = "the same currents with both polarities (both_polarities = tru
 
 @dataclass(frozen=True)
 class Assumed:
-    """What a fit assumes about one experiment: the law, the beam model, the loads, and errors of the inputs.
+    """What a fit assumes about one experiment.
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (1, n)
-        The n parameters of the law.
+        The parameters of the law.
     bulk_modulus_Pa : ndarray, shape (1,), or None
         Bulk modulus in Pa; None for an incompressible material.
     experiment : Experiment
-        The experiment with a planar model, without the ``deviations``.
+        The experiment with a planar beam model.
     deviations : tuple of (str, int, float)
-        One element for each number that differs from its stated value: the name of the input, the index of the
-        component (0 for x, 1 for y), and the difference in the unit of the input.
+        Name, component (0 for x, 1 for y) and error of each wrong input.
     """
 
     law: Law
@@ -50,7 +45,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment, changed by those ``deviations`` that belong to the specimen, the loads or the lens."""
+        """The experiment with the errors of the inputs that belong to specimen, loads or lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].bends:
@@ -59,7 +54,7 @@ class Assumed:
 
     @property
     def setup(self) -> Setup:
-        """The effect of the ``deviations`` on the strength of the field and on the picture of the beam."""
+        """The effect of the wrong inputs on the strength of the field and on the picture."""
         return Setup.of(self.deviations, 1)
 
 
@@ -68,7 +63,7 @@ Change = Callable[[Assumed, Array], Assumed]
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """One possible error of a test bench, described by one or more numbers, such as a shift in x and in y.
+    """One bench error, described by one or more numbers, such as a shift in x and in y.
 
     Attributes
     ----------
@@ -79,27 +74,26 @@ class PossibleCause:
     unit : str
         Unit of the numbers; ``"1"`` for a share.
     sizes : tuple of float
-        Usual size of each number in a laboratory, as a standard deviation.
+        Usual size (standard deviation) of each number in a laboratory.
     change : callable or None
-        Function of two arguments: the assumptions of a fit, and the numbers. It returns the assumptions with this
-        error. None for the error of a planar model, whose effect is computed by a three-dimensional model.
+        Function that adds an error of some size to the assumptions of a fit.
     decide_by : str
         The measurement that decides whether the error is present.
     source : str
-        Name of the input that is wrong if the error is present, such as "scale"; empty if there is none.
+        Name of the wrong input, such as "scale"; empty if there is none.
     parts_of : tuple of str
-        Names of further inputs that may be wrong instead, with a similar effect. Example: the remanence, if the error
-        is a wrong magnetic moment.
+        Names of the inputs with a similar effect, such as the remanence for a wrong moment.
     is_common : bool
-        Whether all datasets share one error.
+        Whether all datasets share the error.
     shown : int or None
-        How many of the numbers, counted from the first, are combined to the reported size. None for all.
+        How many numbers the reported size contains; None for all.
     """
 
     name: str
     words: str
     unit: str
     sizes: tuple[float, ...]
+    # None for the error of a planar model, which a three-dimensional model computes.
     change: Change | None
     decide_by: str
     source: str = ""
@@ -109,16 +103,14 @@ class PossibleCause:
 
     @property
     def stated_as(self) -> tuple[str, ...]:
-        """The names of all inputs that may be wrong if this error is present; empty if there is none."""
+        """The names of all inputs that may be wrong if this error is present."""
         return (self.source, *self.parts_of) if self.source else ()
 
 
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
-    """Return a function that changes the assumptions of a fit by errors of inputs, such as a wrong scale.
+    """Return a function that adds errors of inputs to the assumptions of a fit.
 
-    The function takes the assumptions, and one number for each dictionary of ``parts``. A key of a dictionary is the
-    name of an input and the index of its component, such as ``("clamp", 0)`` for x. The value is the error of this
-    input if the number is 1.
+    ``parts`` has, for each argument of the error, the errors of inputs and components, such as ``("clamp", 0)`` for x.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -136,11 +128,7 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 def of_source(
     name: str, source: str, sizes: tuple[float, ...], decide_by: str, parts_of: tuple[str, ...] = ()
 ) -> PossibleCause:
-    """Describe the error of a test bench that consists in one wrong input, such as the scale of the picture.
-
-    ``source`` is the name of the input, ``sizes`` are the usual sizes of its error, and ``parts_of`` are the names of
-    further inputs that may be wrong instead.
-    """
+    """Describe the bench error that consists in one wrong input, such as the scale of the picture."""
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]
     return PossibleCause(name, entry.words, entry.unit, sizes, by_sources(*parts), decide_by, source, parts_of)

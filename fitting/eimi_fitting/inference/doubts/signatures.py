@@ -1,9 +1,4 @@
-"""Compute how each possible error of a test bench (a cause) changes the residuals of a fit: the signature of the cause.
-
-A cause is described by one or several numbers, such as a shift in x and in y. The signature is the change of the
-residuals in mm divided by the number. It is computed by finite differences, with a planar beam model on the coarse mesh
-with which a fit begins its search.
-"""
+"""Compute how each bench error changes the residuals of a fit, by finite differences on a coarse mesh."""
 
 from __future__ import annotations
 
@@ -43,22 +38,20 @@ _ALONG, _ACROSS = 13, 1  # elements of the solid beside a planar section
 
 @dataclass(frozen=True)
 class Column:
-    """The effect of one component of an error of the test bench, such as a shift in x, on the residuals.
+    """The effect of one component of a bench error, such as a shift in x, on the residuals.
 
     Parameters
     ----------
     part : int
-        Index of the component; 0 for x and 1 for y.
+        Index of the component.
     datasets : tuple of int
-        Indices of the datasets that have the same value of the component.
+        Indices of the datasets with the error.
     size : float
         Prior standard deviation of the component.
     start : float
-        Value of the component for which the fit has already corrected the residuals.
-    changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm per unit of the component, (K, G, m): K loads, G = 2
-        edges (or the coordinates x and y of tracked points), m points. None if the error does not belong to the
-        experiment or the model finds no equilibrium.
+        Value of the component in the fit.
+    changes : tuple of ndarray, shape (K, G, m), or None
+        Change of the residuals of each experiment in mm per unit of the component.
     """
 
     part: int
@@ -70,7 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Solved:
-    """What a fit assumes about one experiment, with the beam and the residuals of a simulation."""
+    """A simulation of one experiment: the assumptions, the bent beam and the residuals."""
 
     assumed: Assumed
     bent: Experiment
@@ -79,11 +72,7 @@ class Solved:
 
     @staticmethod
     def of(assumed: Assumed, before: Solved | None = None) -> Solved | None:
-        """Simulate the beam under the assumptions of a fit, and compute its residuals.
-
-        The result is None if no equilibrium is found or the assumed specimen is impossible. ``before`` is an earlier
-        simulation from which the solver may start.
-        """
+        """Simulate the beam and the residuals; None without an equilibrium or for an impossible specimen."""
         try:
             return Solved._of(assumed, before)
         except ValueError:
@@ -112,14 +101,7 @@ class Solved:
         return Solved(assumed, bent, shapes, bent.observed.misfit(bent.model, shapes, setup).residuals[0])
 
     def between_ends(self) -> Array:
-        """Return 1 for a measured edge point that is far enough from both ends of the simulated edge, else 0.
-
-        Returns
-        -------
-        ndarray, shape (K, 2, m) or ()
-            The factors of m points on the left and on the right edge under K loads. The single number 1 for tracked
-            points.
-        """
+        """Return 1 for a measured edge point, (K, 2, m), far from both ends of the simulated edge, else 0."""
         observed = self.bent.observed
         if not isinstance(observed, EdgeObservation):
             return np.ones(())
@@ -150,30 +132,28 @@ def _bends_alike(assumed: Assumed, bent: Experiment, before: Solved) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """The optimum of a fit, with the derivatives for a comparison of possible errors of the test bench (causes).
+    """The optimum of a fit, with the derivatives for a comparison of bench errors.
 
-    In the shapes, K is the number of loads, G = 2 the number of edges (or of coordinates of tracked points), and m the
-    number of points.
+    K are the load cases, G = 2 the edges, m the points, and l the unknowns that are no bench error.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements of the fit.
+        The law, the unknowns and the measurements.
     unit : ndarray, shape (n,)
-        Values of the n unknowns at the optimum, from 0 to 1 between their bounds.
+        Optimum of the n unknowns, scaled to 0..1.
     kept : ndarray of int, shape (l,)
-        Indices of the l unknowns that are no cause: those of the law, and some uncertain inputs.
+        Indices of the l unknowns.
     law_spread : ndarray, shape (l,)
         Prior standard deviation of each of the l unknowns.
     slopes : tuple of ndarray, shape (l, K, G, m)
-        For each experiment, the derivatives of the residuals by the l unknowns, in mm.
-    residuals, used : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals at the optimum in mm, and weights that are positive for points that the
-        comparison uses.
-    in_error : tuple of ndarray, shape (K, G, m)
-        For each experiment, weights that are positive for points that count in the root mean square residuals.
+        Derivatives of the residuals of each experiment by the l unknowns, in mm.
+    residuals : tuple of ndarray, shape (K, G, m)
+        Residuals of each experiment at the optimum, in mm.
+    used, in_error : tuple of ndarray, shape (K, G, m)
+        Positive weights of the points in the comparison, and in the root mean square residuals.
     solved : tuple of Solved
-        For each experiment, the simulation at the optimum. Empty if an experiment has no equilibrium.
+        Simulation of each experiment at the optimum.
     """
 
     problem: Problem
@@ -188,10 +168,8 @@ class About:
 
     @staticmethod
     def of(problem: Problem, optimum: Optimum[Evaluation], causes: Sequence[PossibleCause]) -> About:
-        """Simulate the optimum of a fit, and return it with the derivatives of its residuals by the unknowns.
-
-        An unknown that is one of the possible errors of the test bench (``causes``) is left out of the derivatives.
-        """
+        """Simulate the optimum of a fit, and return it with the derivatives of its residuals by the unknowns."""
+        # An unknown that is a cause is left out of the derivatives.
         about, sources = linearise(problem, optimum), {cause.source for cause in causes}
         freed = problem.unknowns.freed
         is_kept = np.array([*[True] * problem.unknowns.searched, *(n.source not in sources for n in freed)])
@@ -213,26 +191,19 @@ class About:
                 for states, one in zip(about.states, solved, strict=True)
             ),
             tuple(states.used for states in about.states),
-            complete if len(complete) == len(solved) else (),
+            complete if len(complete) == len(solved) else (),  # empty if an experiment has no equilibrium
         )
 
     @cached_property
     def on_mesh_of_fit(self) -> list[Solved | None]:
-        """The simulations of the optimum on the final mesh of the fit, one for each experiment.
-
-        None stands for an experiment without an equilibrium.
-        """
+        """The simulation of each experiment at the optimum on the mesh of the fit; None without an equilibrium."""
         return [
             Solved.of(_assumed(self.problem, self.unit, i, experiment.model))
             for i, experiment in enumerate(self.problem.experiments)
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the size of an error of the test bench for which the fit has already corrected the residuals.
-
-        It is the measured size, plus any further change by the fit; 0 if the error was not measured. ``part`` is the
-        index of the component: 0 for x, 1 for y.
-        """
+        """Return the value of one component of a bench error in the fit; 0 if the error was not measured."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0
@@ -240,10 +211,7 @@ class About:
         return start + self.freed_start(cause.source, part, dataset)
 
     def freed_start(self, source: str, part: int, dataset: int) -> float:
-        """Return the fitted difference of an input from its stated value; 0 if the input was no unknown of the fit.
-
-        ``source`` is the name of the input, such as "clamp", and ``part`` the index of the component: 0 for x, 1 for y.
-        """
+        """Return the fitted error of one component of an input; 0 if the input was no unknown of the fit."""
         return sum(
             float(nuisance.value(self.unit[column]))
             for column, nuisance in enumerate(self.problem.unknowns.freed, self.problem.unknowns.searched)
@@ -252,30 +220,20 @@ class About:
 
     @staticmethod
     def is_seen(changes: Sequence[Array | None], size: float) -> bool:
-        """Return whether an error of the test bench changes at least one residual by more than 0.0001 mm.
-
-        ``size`` is the size of the error. ``changes`` has, for each experiment, the changes of the residuals in mm by
-        an error of the size 1, or None.
-        """
+        """Return whether a bench error of this size changes at least one residual by more than 0.0001 mm."""
         return any(change is not None and np.abs(size * change).max() > _SEEN_MM for change in changes)
 
     def simulated(
         self, moved: Array, amplitudes: Mapping[PossibleCause, Sequence[tuple[Column, float]]]
     ) -> list[Array] | None:
-        """Simulate the residuals of each experiment in mm for a changed law and for some errors of the test bench.
+        """Simulate the residuals of each experiment in mm, (K, G, m), for a changed law and some bench errors.
 
         Parameters
         ----------
         moved : ndarray, shape (l,)
-            Changes of the l unknowns that are no possible error of the test bench, such as those of the law.
+            Changes of the unknowns that are no bench error.
         amplitudes : mapping of PossibleCause to sequence of (Column, float)
-            For each error, its components and their values, counted from the stated values of the inputs.
-
-        Returns
-        -------
-        list of ndarray or None
-            The residuals, shape (K, G, m): K loads, G = 2 edges (or the coordinates x and y of tracked points), m
-            points. None if the model finds no equilibrium or the specimen is impossible.
+            Components of each bench error with their values.
         """
         unit = self.unit.copy()
         unit[self.kept] = np.clip(unit[self.kept] + moved, 0.0, 1.0)
@@ -289,6 +247,7 @@ class About:
                 steps = np.zeros(len(cause.sizes))
                 for column, amplitude in columns:
                     if i in column.datasets:
+                        # The amplitude counts from the stated value, and the fit already contains the start.
                         steps[column.part] = amplitude - column.start
                         if cause.change is None and (change := column.changes[i]) is not None:
                             more += amplitude * change
@@ -304,10 +263,7 @@ class About:
 
 
 def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> Assumed:
-    """Return what a fit assumes about one experiment if its n unknowns have the values ``unit``, (n,).
-
-    The values are scaled to 0..1 between the bounds of the unknowns. ``dataset`` is the index of the experiment.
-    """
+    """Return what a fit assumes about one experiment for the values ``unit`` (n,) of its unknowns, scaled to 0..1."""
     experiment, unknowns = problem.experiments[dataset], problem.unknowns
     plain = replace(experiment, model=model, solid=None, solid_options=None, change=None)
     freed = tuple(
@@ -319,10 +275,7 @@ def _assumed(problem: Problem, unit: Array, dataset: int, model: BeamModel) -> A
 
 
 def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
-    """Return the effects of an error of the test bench on the residuals, one for each component, such as a shift in x.
-
-    The result is empty if the error does not change the residuals.
-    """
+    """Return the effect of each component of a bench error, such as a shift in x, on the residuals."""
     columns = []
     for datasets, uncertainty in _groups(about.problem, cause):
         for part, usual in enumerate(cause.sizes):
@@ -337,7 +290,7 @@ def columns_of(about: About, cause: PossibleCause) -> tuple[Column, ...]:
 
 
 def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...], float]]:
-    """Return the groups of datasets that share one error, each with the stated uncertainty of the error or 0."""
+    """Return the groups of datasets that share a bench error, with the stated uncertainty of the error or 0."""
     every = tuple(range(len(problem.experiments)))
     if cause.is_common:
         return [(every, 0.0)]
@@ -348,10 +301,7 @@ def _groups(problem: Problem, cause: PossibleCause) -> list[tuple[tuple[int, ...
 
 
 def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Array | None:
-    """Return the change of the residuals in mm per unit of one component of an error; None without an equilibrium.
-
-    ``part`` is the index of the component, such as 0 for x. The finite differences have a step of 0.3 times ``size``.
-    """
+    """Return the change of the residuals in mm per unit of one component of a bench error, or None."""
     if cause.change is None:
         return _as_solid(here)
     sides = []
@@ -365,10 +315,7 @@ def signature(here: Solved, cause: PossibleCause, part: int, size: float) -> Arr
 
 
 def _as_solid(here: Solved) -> Array | None:
-    """Return the change of the residuals in mm if a three-dimensional model replaces the planar model.
-
-    The result is None if the section is already solid or if the three-dimensional model does not give a result.
-    """
+    """Return the change of the residuals in mm by a three-dimensional in place of a planar model, or None."""
     specimen = here.bent.model.specimen
     if specimen.section == "solid":
         return None

@@ -1,7 +1,4 @@
-"""Compute how errors of inputs with a stated or assumed uncertainty, such as a width, change the residuals of a fit.
-
-Such an error is no error of the test bench as long as it is within the uncertainty.
-"""
+"""Compute how an error of each input with an uncertainty, such as a width, changes the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -16,24 +13,7 @@ Number = tuple[str, int, tuple[int, ...], float]  # source, part, datasets and s
 
 
 def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[PossibleCause, tuple[Column, ...]]:
-    """Return how an error of each uncertain input, such as a width, would change the residuals of a fit.
-
-    The uncertain inputs are those with a stated uncertainty, and those that the fit has determined with a prior. An
-    input is omitted if its error was measured, because the model of the fit then already contains this error.
-
-    Parameters
-    ----------
-    about : About
-        The optimum of the fit.
-    possible : sequence of PossibleCause
-        The possible errors of the test bench. An input that the fit has determined is only included if a wrong value of
-        it is one of these errors; all others are already counted with the unknowns of the law.
-
-    Returns
-    -------
-    dict of PossibleCause to tuple of Column
-        For each input, described as a `PossibleCause`, the changes of the residuals by each of its components.
-    """
+    """Return how an error of each input with an uncertainty, such as a width, changes the residuals of a fit."""
     columns: dict[PossibleCause, tuple[Column, ...]] = {}
     for source, part, datasets, sigma in _numbers(about, possible):
         start = about.freed_start(source, part, datasets[0])
@@ -50,9 +30,11 @@ def stated_columns(about: About, possible: Sequence[PossibleCause]) -> dict[Poss
 def _numbers(about: About, possible: Sequence[PossibleCause]) -> Iterator[Number]:
     experiments = about.problem.experiments
     for group in sources_of(about.problem):
+        # The model of the fit already contains a measured error.
         if not any(experiments[i].measured.get(group.source) for i in group.datasets):
             for part in range(len(SOURCES[group.source].parts)):
                 yield group.source, part, group.datasets, group.standard_uncertainty or 0.0
+    # A freed input that is no cause is one of the unknowns of the law.
     of_causes = {cause.source for cause in possible}
     for freed in about.problem.unknowns.freed:
         if freed.source in of_causes and not any(experiments[i].measured.get(freed.source) for i in freed.datasets):

@@ -1,4 +1,4 @@
-"""List all possible errors of a test bench that a fit compares as causes of its residuals."""
+"""List all bench errors that a fit compares to explain its residuals."""
 
 from __future__ import annotations
 

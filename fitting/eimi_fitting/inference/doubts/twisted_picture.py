@@ -1,7 +1,4 @@
-"""Subtract from measured edges the displacement that a twist of the beam by its magnet would cause.
-
-The field twists the beam if the moment of the magnet has a component normal to the plane of the picture.
-"""
+"""Subtract from measured edges the displacement due to a twist of the beam by its magnet."""
 
 from __future__ import annotations
 
@@ -28,18 +25,12 @@ def without_twist(
 
     Parameters
     ----------
-    experiment : Experiment
-        The experiment with the measured edges. It is returned unchanged without edges, magnet or equilibrium.
     simulated : Experiment
-        The experiment from which the twist is computed: its specimen and loads may differ from those of ``experiment``
-        by errors that a fit assumes.
-    law : Law
-        The hyperelastic law.
+        The experiment from which the twist is computed.
     parameters : ndarray, shape (1, n)
-        The n parameters of the law.
+        The parameters of the law.
     angle_deg : float
-        Angle between the magnetic moment and the plane of the picture in degrees. The edges move outward if it is
-        negative.
+        Angle between the magnetic moment and the plane of the picture in degrees.
     """
     specimen, observed = simulated.model.specimen, experiment.observed
     if not isinstance(observed, EdgeObservation) or not angle_deg:
@@ -68,21 +59,13 @@ def without_twist(
 
 
 def tip_twist_per_tilt(simulated: Experiment, law: Law, parameters: Array) -> Array | None:
-    """Return the twist of the beam at the magnet in K states, (K,), divided by the small tilt of its magnetic moment.
-
-    The tilt is the angle of the moment to the plane of the picture. The result is None without a magnet or without an
-    equilibrium.
-    """
+    """Return the twist at the magnet under K loads, (K,), divided by a small tilt of the moment out of the picture."""
     twisted = _twisted(simulated, law, parameters)
     return None if twisted is None else twisted[1][:, -1]
 
 
 def _twisted(simulated: Experiment, law: Law, parameters: Array) -> tuple[Array, Array] | None:
-    """Return points on the middle line of the beam in mm, (K, S, 2), and the twist at these points, (K, S).
-
-    The twist is divided by the small angle between the magnetic moment and the plane of the picture. There are S points
-    in each of K states.
-    """
+    """Return S points on the middle line in mm, (K, S, 2), and the twist per tilt of the moment, (K, S), or None."""
     specimen = simulated.model.specimen
     if specimen.magnet is None:
         return None

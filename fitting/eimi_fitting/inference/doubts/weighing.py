@@ -1,7 +1,4 @@
-"""Compare the possible causes of the residuals of a fit, with simulations of the probable ones.
-
-A cause is a possible error of the test bench. The comparison is between sets of causes that may be present together.
-"""
+"""Compare sets of at most two bench errors that may explain the residuals, with simulations of the probable sets."""
 
 from __future__ import annotations
 
@@ -43,18 +40,18 @@ _MOST_SIZES = 5.0  # largest amplitude, in prior sizes
 
 @dataclass(frozen=True)
 class Exact:
-    """The probabilities of errors of the test bench (causes) if some inputs, such as the width, are exact.
+    """The probabilities of bench errors if some inputs, such as the width, are exact.
 
     Parameters
     ----------
     causes : list of int
-        Indices of n causes.
+        Indices of n bench errors.
     probability : ndarray, shape (1 + n,)
-        Probability that none of these causes is present, and that each of them is present.
+        Probability of no bench error, and of each of them.
     posterior : Posterior
         The evidence and the sizes of the errors in these 1 + n cases.
     classes : list of tuple of int
-        Groups of causes that the residuals do not distinguish, as indices.
+        Groups of errors that the residuals do not distinguish, as indices.
     """
 
     causes: list[int]
@@ -64,7 +61,7 @@ class Exact:
 
 
 class Weighing:
-    """The comparison of all sets of at most two errors of the test bench (causes) that may explain the residuals."""
+    """The comparison of all sets of at most two bench errors that may explain the residuals."""
 
     def __init__(
         self,
@@ -83,6 +80,7 @@ class Weighing:
         causes = range(len(self._causes))
         every = [(), *((i,) for i in causes), *combinations(causes, 2)]
         exact = [row for row in range(law) if not self._law <= row < self._simulated_common]
+        # The inputs are exact or uncertain with equal prior probability.
         # One array for the hypotheses whose inputs are exact, and one for those whose inputs are uncertain.
         self._members = [
             self._members_of([[*some, *self._rows_of(one)] for one in every])
@@ -91,6 +89,7 @@ class Weighing:
         self.hypotheses = every * len(self._members)
         self.is_uncertain = np.repeat([False, True][: len(self._members)], len(every))
         self._measured = {i for i, columns in enumerate(columns_by_cause.values()) if any(c.start for c in columns)}
+        # Each of the M causes is present with the prior probability 1 / M.
         self.log_prior = -self._log_odds * np.array([len(h) for h in self.hypotheses], float)
         # What the residuals were if the freed and measured inputs had their stated values.
         self._stated = [np.array(residual) for residual in about.residuals]
@@ -101,39 +100,33 @@ class Weighing:
 
     @property
     def _log_odds(self) -> float:
-        """Logarithm of the prior odds against one error of the test bench: ln(M - 1) for M possible errors."""
+        """Logarithm of the prior odds against one bench error: ln(M - 1) for M bench errors."""
         return float(np.log(max(len(self._causes) - 1, 1)))
 
     def _rows_of(self, hypothesis: tuple[int, ...]) -> list[int]:
         return [index for i in hypothesis for index in self.blocks[i]]
 
     def _members_of(self, rows: Sequence[Sequence[int]]) -> NDArray[np.intp]:
-        """Return lists of indices of unknown numbers as one array, with one list in each row.
-
-        Shorter lists are filled up with the last index. It belongs to no unknown number, and its effect on the
-        residuals is zero.
-        """
+        """Return lists of indices as the rows of one array; short lists are filled up with the last index."""
+        # The last index belongs to no unknown number: its effect on the residuals is zero.
         members = np.full((len(rows), max(map(len, rows))), len(self._rows) - 1)
         for row, indices in enumerate(rows):
             members[row, : len(indices)] = indices
         return members
 
     def shown(self, cause: int) -> int:
-        """Return how many components of an error its reported size contains, such as two for a shift in x and y."""
+        """Return how many components of a bench error its reported size contains, such as two for x and y."""
         shown, columns = self._causes[cause].shown, [self._coefficients.column(row) for row in self.blocks[cause]]
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return which sets of errors of the test bench contain at most one error, as a slice of the list of all sets.
-
-        If inputs are uncertain, the list has each set twice: without and with errors of these inputs. The slice is from
-        the half that contains the set with the index ``best``.
-        """
+        """Return the slice of the sets with at most one bench error, from the half with the set ``best``."""
+        # With uncertain inputs, the list has every set twice: without and with errors of these inputs.
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
     def classes(self, posterior: Posterior) -> list[tuple[int, ...]]:
-        """Return groups of errors of the test bench that the residuals do not distinguish, as indices of the errors."""
+        """Return groups of bench errors that the residuals do not distinguish, as indices of the errors."""
         best = int(np.argmax(posterior.log_evidence + self.log_prior))
         alone = self.alone(best)
         causes = range(len(self._causes))
@@ -142,10 +135,7 @@ class Weighing:
     def _alike(
         self, y: Array, posterior: Posterior, causes: Sequence[int], error_squared: float
     ) -> list[tuple[int, ...]]:
-        """Return groups of errors of the test bench that the residuals do not distinguish, as indices of the errors.
-
-        Only the errors with the indices ``causes`` are compared.
-        """
+        """Return groups of the bench errors ``causes`` that the residuals do not distinguish, as indices."""
         variance = self._variance + error_squared * self._project.error
         remaining = y - posterior.means / self._scale @ self._rows
         counts = [len(self.blocks[cause]) for cause in causes]
@@ -164,10 +154,7 @@ class Weighing:
         return self._scale[rows]
 
     def rows_of_inputs(self, cause: int) -> list[int]:
-        """Return the indices of the uncertain inputs that are wrong if an error of the test bench is present.
-
-        Example: the scale of the picture, for the error "wrong scale". The indices are those of all unknown numbers.
-        """
+        """Return the indices of the unknown numbers for the inputs of a bench error, such as the scale."""
         stated_as = self._causes[cause].stated_as
         return [
             row
@@ -177,47 +164,25 @@ class Weighing:
         ]
 
     def squares_of(self, base: int, posterior: Posterior, rows: Sequence[int]) -> float:
-        """Return the sum of squares of the change of the residuals by some wrong inputs, in units of the variance.
-
-        The variance is that of noise and unexplained errors. The inputs, such as the width, have the indices ``rows``
-        among all unknown numbers. Their errors are the posterior means for the set of errors of the test bench with the
-        index ``base``.
-        """
+        """Return the sum of squares of the change of the residuals by some wrong inputs, in units of the variance."""
         change = posterior.means[base, rows] / self._scale[rows] @ self._rows[rows]
+        # The variance of noise and unexplained errors.
         variance = self._variance + posterior.error_squared[base] * self._project.error
         return float((change**2 / variance).sum())
 
     def as_cause(self, rows: Sequence[int], amounts: Array, cause: int) -> Array:
-        """Return the size of an error of the test bench that changes the residuals nearly as some wrong inputs do.
-
-        Example: the wrong scale of the picture that has the effect of a wrong width. ``rows`` are the indices of the
-        inputs among all unknown numbers, ``amounts`` the errors of these inputs, and ``cause`` is the index of the
-        error of the test bench. The size has one element for each component, such as x and y.
-        """
+        """Return the size of a bench error that changes the residuals nearly as the errors ``amounts`` of inputs do."""
         of_cause, root = self._shown_rows(cause), np.sqrt(self._variance)
         change = amounts / self._scale[rows] @ self._rows[rows] / root
         return np.linalg.lstsq((self._rows[of_cause] / root).T, change, rcond=None)[0] * self._scale[of_cause]
 
     def stated_size(self, cause: int) -> float:
-        """Return the standard uncertainty of an error of the test bench, as files state it; 0 if no file states it."""
+        """Return the standard uncertainty of a bench error, as files state it, or 0."""
         parts = [self.as_cause([row], self._scale[[row]], cause) for row in self.rows_of_inputs(cause)]
         return float(np.linalg.norm(parts)) if parts else 0.0
 
     def if_exact(self, base: int, rows: Sequence[int]) -> Exact:
-        """Return how probable further errors of the test bench are if some inputs, such as the width, are exact.
-
-        Parameters
-        ----------
-        base : int
-            Index of the set of errors that are present in any case.
-        rows : sequence of int
-            Indices of the inputs that are exact, among all unknown numbers.
-
-        Returns
-        -------
-        Exact
-            The probabilities that no further error is present, or one of the other errors.
-        """
+        """Return the probability of each bench error outside of the set ``base`` if the inputs ``rows`` are exact."""
         hypothesis = self.hypotheses[base]
         causes = [cause for cause in range(len(self._causes)) if cause not in hypothesis]
         hypotheses = [hypothesis, *((*hypothesis, cause) for cause in causes)]
@@ -234,10 +199,7 @@ class Weighing:
         return Exact(causes, probability / probability.sum(), posterior, groups)
 
     def posterior(self) -> Posterior:
-        """Return the probability density of the residuals for each set of errors of the test bench, and their sizes.
-
-        The probable sets are simulated, which corrects the linear model.
-        """
+        """Return the probability density of the residuals for each set of bench errors, and the sizes of the errors."""
         y = np.tile(-self._project.of(self._stated), (len(self.hypotheses), 1))
         result = self._weigh(y, self._model_error(np.zeros((1, y.shape[1]))))
         simulated_at = np.zeros_like(result.means)  # where the linear model is exact
@@ -255,6 +217,7 @@ class Weighing:
                 if index == 1 and len(self.hypotheses[row]) == 1 and self._misfit(y[row], result.means[row]) > _POOR:
                     simulated_at[row] = self._minimised(row, result.means[row])
                     settled.add(row)
+                # The difference of a simulation from the linear model is added to the data of this hypothesis.
                 simulated = self._simulated(self.hypotheses[row], simulated_at[row])
                 if simulated is not None:
                     known[row] = True
@@ -271,10 +234,7 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a set of errors that was not simulated, and its most probable simulated subset.
-
-        The simulation of the subset corrects the linear model of the whole set.
-        """
+        """Return pairs of indices: a set of bench errors without a simulation, and its most probable simulated part."""
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -294,26 +254,17 @@ class Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance of N polynomial coefficients in mm^2 due to errors of the simulation, shape (N,).
-
-        Each row of ``moves`` has a simulated change of the coefficients in mm.
-        """
+        """Return the variance of N polynomial coefficients in mm^2 due to errors of the simulation, shape (N,)."""
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
 
     def _misfit(self, y: Array, amplitudes: Array) -> float:
-        """Return the mean square of the residuals in the linear model, in units of the noise variance.
-
-        ``amplitudes`` has the values of all unknown numbers, such as sizes of errors of the test bench.
-        """
+        """Return the mean square of the linearised residuals, in units of the noise variance."""
         return float(np.mean((y - (amplitudes / self._scale) @ self._rows) ** 2 / self._project.noise))
 
     def _minimised(self, row: int, amplitudes: Array) -> Array:
-        """Return the most probable changes of the law and sizes of errors of the test bench, found by simulations.
-
-        Only the errors of one set are present. ``row`` is the index of the set, and ``amplitudes`` are the first guess.
-        """
+        """Return the unknown numbers that minimise the squares of residuals and prior deviations, from simulations."""
         trial = amplitudes.copy()
         trial[self._simulated_common : self._common] = 0.0
         best, least = trial.copy(), np.inf
@@ -347,11 +298,7 @@ class Weighing:
         return best
 
     def _slopes(self, row: int, amplitudes: Array, residual: Array, active: Sequence[int]) -> Array | None:
-        """Return the derivatives of the residuals by the unknown numbers with the indices ``active``.
-
-        ``amplitudes`` has the values of all unknown numbers, such as sizes of errors. The result is None without an
-        equilibrium.
-        """
+        """Return the derivatives of the residuals by the unknown numbers with the indices ``active``, or None."""
         slopes = []
         for i in active:
             if self._law <= i < self._common:  # the linear model alone has these amplitudes
@@ -376,7 +323,8 @@ class Weighing:
 
     def _evidence(self, y: Array, members: NDArray[np.intp], hypotheses: Sequence[tuple[int, ...]]) -> Posterior:
         standard = weigh(self._rows, members, y, self._variance, self._project.error)
-        # The factor of the moment prior, whose normal mean of |s_a / size_a|^4 is 3 for one amplitude.
+        # A cause of negligible size shall not explain small errors of the beam model. The factor has the effect of a
+        # prior that vanishes at zero (a moment prior: Johnson and Rossell 2010, J. R. Stat. Soc. B 72:143).
         causes = range(len(self._causes))
         shown = [self._shown_rows(cause) for cause in causes]
         squares = np.stack([standard.squares[:, rows].max(axis=1) for rows in shown], axis=1)
@@ -389,10 +337,7 @@ class Weighing:
         return replace(standard, log_evidence=standard.log_evidence + factors, means=means)
 
     def _probable(self, result: Posterior, far: float) -> list[int]:
-        """Return the indices of those sets of errors of the test bench that are probable enough to be simulated.
-
-        ``far`` is the largest difference of the logarithm of the probability from the most probable set.
-        """
+        """Return the indices of the sets of bench errors that are probable enough to be simulated."""
         score, rows = result.log_evidence + self.log_prior, []
         sizes = np.array([len(hypothesis) for hypothesis in self.hypotheses])
         for is_uncertain in np.unique(self.is_uncertain):
@@ -419,20 +364,13 @@ class Weighing:
         return self._about.simulated(amplitudes[: self._law], given)
 
     def remaining(self, row: int, amplitudes: Array) -> tuple[Array, ...] | None:
-        """Simulate the residuals in mm after a correction for errors of the test bench; None without an equilibrium.
-
-        ``row`` is the index of the set of errors. ``amplitudes`` has the sizes of the errors and the changes of the
-        law.
-        """
+        """Simulate the residuals in mm after a correction for a set of bench errors; None without an equilibrium."""
         residuals = self._simulated(self.hypotheses[row], amplitudes)
         return None if residuals is None else tuple(residuals)
 
     def remaining_mm(self, amplitudes: Array) -> tuple[Array, ...]:
-        """Return the root mean square residual of each state in mm after a correction for errors of the test bench.
-
-        ``amplitudes`` has the sizes of the errors and the changes of the law. The residuals are computed with the
-        linear model. There is one array (K,) with K states for each experiment.
-        """
+        """Return the root mean square residuals in mm after a correction for bench errors, (K,) for each experiment."""
+        # The residuals are linear in the amplitudes here; nothing is simulated.
         errors, rows = [], [*range(self._law, self._simulated_common), *range(self._common, len(self._scale) - 1)]
         for i, (residual, slopes, used) in enumerate(
             zip(self._stated, self._about.slopes, self._about.in_error, strict=True)

@@ -1,28 +1,13 @@
-"""Compare several hyperelastic laws that were fitted to the same data, by the information criteria AICc and BIC.
+"""Compare hyperelastic laws that were fitted to the same data, by the information criteria AICc and BIC.
 
-A fit has N independent points on the edges of the beam. Let E be the root mean square of its residuals. For normal
-noise of unknown level, the deviance is
+A fit has N independent points on the edges with the root mean square residual E, and n_i independent rows of each
+tensile curve with the residual E_i. Let M = N + sum n_i, S the sum of squared deviations from priors and stated values
+in standard uncertainties, and k the number of unknowns and noise levels. Then
 
-    -2 log L = 2 N log(E) + constant.
-
-The constant is the same for all laws (Burnham and Anderson 2002, Model Selection and Multimodel Inference, section
-2.2). Each tensile curve in the fit adds 2 n log(RMSE), for n independent rows and the root mean square residual RMSE of
-the curve. Each input with a stated uncertainty, such as the width, and each parameter with a prior adds the square of
-its deviation in standard uncertainties. A law is therefore compared at the optimum at which its parameters and these
-inputs were fitted together. If the inputs were fixed, a wrong width would favour a law that imitates the effect of this
-width.
-
-Let k be the number of unknowns, with one noise level for the edges and one for each curve. Let M be the sum of N and
-all n. The criteria are
-
+    -2 log L = 2 N log(E) + 2 sum n_i log(E_i) + S + constant
     AICc = -2 log L + 2 k + 2 k (k + 1) / (M - k - 1),    BIC = -2 log L + k log(M)
 
-(ibid., Eq. 2.4; Schwarz 1978, Ann. Statist. 6:461).
-
-All laws are compared with the same N and n: those that were estimated in the fit with the smallest error of the edges.
-In a fit with a wrong law, the residuals of neighbouring points are correlated because the law is wrong. An N from this
-fit would be too small (ibid., section 2.5). A law has no AICc if M - k - 1 is below 1, because M is not known so
-exactly.
+(Burnham and Anderson 2002, Model Selection and Multimodel Inference; Schwarz 1978, Ann. Statist. 6:461).
 """
 
 from __future__ import annotations
@@ -37,28 +22,27 @@ _LEAST_ROOM = 1.0  # independent points beyond the number of unknowns and one, a
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fitted hyperelastic law that is compared with other laws.
+    """A fitted hyperelastic law in a comparison of laws.
 
     Attributes
     ----------
     model : str
         Name of the law.
     unknowns : int
-        Number of fitted unknowns.
-    errors : tuple of tuple
-        Pairs of a number of independent points and a root mean square residual: first for the edges (in mm), then for
-        each tensile curve (in Pa).
+        Number of unknowns.
+    errors : tuple of (float, float)
+        Number of independent points and root mean square residual: of the edges (mm), and of each tensile curve (Pa).
     held_out_error_mm : float or None
-        Mean error in mm of states that were omitted from the fit; None if no state was omitted.
+        Mean error of load cases that were omitted from the fit.
     stated_squares : float
-        Sum of the squared deviations of parameters from their priors and of uncertain inputs from their stated values,
-        in standard uncertainties.
+        Sum of the squared deviations from priors and stated values, in standard uncertainties.
     """
 
     model: str
     unknowns: int
     errors: tuple[tuple[float, float], ...]
     held_out_error_mm: float | None = None
+    # The inputs are fitted with the law. If they were fixed, a wrong width would favour a law that imitates its effect.
     stated_squares: float = 0.0
 
 
@@ -71,18 +55,17 @@ class Choice:
     model : str
         Name of the law.
     unknowns : int
-        Number of fitted unknowns.
+        Number of unknowns.
     independent_points : float
-        Number of independent points of the edges and all tensile curves.
+        Number of independent points of the edges and tensile curves.
     aicc : float or None
-        AICc minus the smallest AICc of all laws; None if the data are too few for the number of unknowns.
+        AICc minus the smallest AICc; None with too few data.
     bic : float
-        BIC minus the smallest BIC of all laws.
+        BIC minus the smallest BIC.
     weight : float or None
-        Akaike weight among the laws that have an AICc (Burnham and Anderson 2002, Eq. 2.9). None if the law has no AICc
-        or if fewer than two laws have an AICc.
+        Akaike weight (Burnham and Anderson 2002, Eq. 2.9).
     held_out_error_mm : float or None
-        Mean error in mm of states that were omitted from the fit; None if no state was omitted.
+        Mean error of load cases that were omitted from the fit.
     """
 
     model: str
@@ -95,9 +78,11 @@ class Choice:
 
 
 def choose(candidates: Sequence[Candidate]) -> tuple[Choice, ...]:
-    """Return AICc, BIC and Akaike weight of each fitted law, in the order of ``candidates``."""
+    """Return AICc, BIC and Akaike weight of each fitted law."""
     if not candidates:
         return ()
+    # All laws have the counts of the best fit. A wrong law correlates the residuals of neighbouring points, so that its
+    # own counts would be too small (Burnham and Anderson 2002, section 2.5).
     best = min(candidates, key=lambda c: c.errors[0][1])
     counts = np.array([count for count, _ in best.errors])
     total = float(counts.sum())

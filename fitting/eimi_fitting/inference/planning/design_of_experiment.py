@@ -1,22 +1,11 @@
-"""Choose the states (loads) to measure next, so that the interval of a modulus or law parameter becomes narrow.
+"""Choose the load cases to measure next, so that the interval of a modulus or law parameter becomes narrow.
 
-The law is known from an earlier fit. For each state that could be measured, the edges of the beam are simulated with
-this law. Let
+The edges are simulated with the law of an earlier fit. Let J be their derivative by the unknowns of the law, C their
+change by one standard uncertainty of each uncertain input, w the inverse variance of an edge point, P the inverse prior
+covariance, and t the 97.5 % quantile of Student's distribution divided by that of the normal distribution. With sums
+over the edge points of the chosen load cases, the covariance of the unknowns is
 
-    J    be the derivative of these edges by the unknowns of the law,
-    C    the change of these edges by one standard uncertainty of each uncertain input,
-    w    the inverse variance of an independent edge point in 1/mm^2, the same in all states,
-    P    the inverse covariance of the unknowns before the measurement, and
-    t    the 97.5 % quantile of Student's distribution, divided by that of the normal distribution.
-
-For some chosen states, the sums of J'J and J'C over their edge points (a prime denotes the transpose) give
-
-    information                            A = w sum J'J,  H = A + P
-    change of the unknowns by the inputs   S = inv(H) w sum J'C
-    covariance of the unknowns             inv(H) (t^2 A + P) inv(H) + S S'
-
-`inference.interval.covariance` and `inference.interval.considered` compute the same matrices from a measurement.
-`inference.planning.exchange` chooses the states for which the variance of the modulus or parameter is smallest.
+    inv(H) (t^2 A + P) inv(H) + S S',    A = w sum J'J,    H = A + P,    S = inv(H) w sum J'C.
 """
 
 from __future__ import annotations
@@ -56,16 +45,13 @@ _FIT_ALONG = 26  # elements along `BeamModel.refined`, the mesh of the final fit
 
 @dataclass(frozen=True)
 class KnownLaw:
-    """A hyperelastic law with the n parameters (n,) of an earlier fit, in the units of the law."""
+    """A hyperelastic law with the n parameters (n,) of an earlier fit."""
 
     law: Law
     parameters: Array
 
     def unknowns(self) -> tuple[Unknowns, Array]:
-        """Return the unknowns of a fit after the run, and the parameters of this law as values of the unknowns, (n,).
-
-        The values are scaled to 0..1 between the bounds of the unknowns.
-        """
+        """Return the unknowns of a fit, and the parameters of this law as their values, (n,), scaled to 0..1."""
         modulus = float(self.law.initial_shear_modulus(self.parameters))
         space = search_space(self.law)
         # The bounds are 1.5 decades below and above the modulus of the earlier fit.
@@ -85,19 +71,18 @@ class KnownLaw:
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """The errors that are expected in a planned run: the noise of the measured edges, and the error of the beam model.
+    """The expected errors in a planned run: the noise of the measured edges, and the error of the beam model.
 
     Attributes
     ----------
     residual_mm : float
-        Standard deviation of the position of an edge point in mm.
+        Standard deviation of the position of an edge point.
     points : int
-        Number of points on both edges of a state.
+        Number of points on both edges.
     alike : float
         Number of neighbouring edge points that count as one independent point.
     left_percent : float
-        For a solid section: 95 % bound of the error of the modulus, in per cent, because the beam model is not exact. 0
-        for a planar section.
+        95 % bound of the error of the modulus due to the beam model.
     """
 
     residual_mm: float
@@ -107,17 +92,16 @@ class EdgeNoise:
 
     @staticmethod
     def of(earlier: Identifiability, states: int, left_percent: float = 0.0) -> EdgeNoise:
-        """Return the errors that are expected in a planned run, from the result of an earlier fit.
+        """Return the expected errors in a planned run, from the result of an earlier fit.
 
         Parameters
         ----------
         earlier : Identifiability
-            Residuals and numbers of points of the earlier fit.
+            The result of the earlier fit.
         states : int
-            Number of states of the earlier fit.
+            Number of load cases of the earlier fit.
         left_percent : float
-            For a solid section: 95 % bound of the error of the modulus, in per cent, because the beam model is not
-            exact.
+            95 % bound of the error of the modulus due to the beam model.
         """
         # All residuals count as noise if the earlier fit did not separate noise from errors of uncertain inputs.
         independent = earlier.noise_points or earlier.independent_points
@@ -131,30 +115,30 @@ class EdgeNoise:
 
 @dataclass(frozen=True)
 class Candidates:
-    """The S load states from which a plan chooses, with what the edges of each state tell about n unknowns of the law.
+    """The S load cases from which a plan chooses, with what the edges of each tell about n unknowns of the law.
 
-    The plan is made for a goal: the initial shear modulus or a parameter of the law.
+    The goal of the plan is the initial shear modulus or a parameter of the law.
 
     Attributes
     ----------
     loads : Loads
-        The loads of the S states.
+        The loads of the S load cases.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads of the plan. Loads without an equilibrium are left out.
+        Index of each load case in the plan.
     normal : ndarray, shape (S, n, n)
-        Hessian of minus the log-likelihood of the edges of each state.
+        Hessian of minus the log-likelihood of the edges.
     source_score : ndarray, shape (S, n, c)
-        Change of the gradient of minus the log-likelihood by one standard uncertainty of each of c uncertain inputs.
+        Change of the gradient by one standard uncertainty of each of c inputs.
     sources : tuple of str
-        Names of the c uncertain inputs.
+        Names of the c inputs.
     prior : ndarray, shape (n, n)
-        Inverse covariance of the unknowns before the measurement.
+        Inverse prior covariance of the unknowns.
     goal : ndarray, shape (n,)
-        Derivative of the goal by the unknowns, divided by the value of the goal.
+        Derivative of the goal by the unknowns, divided by the goal.
     points : float
-        Number of independent edge points in a state.
+        Number of independent edge points in a load case.
     irreducible : float
-        Relative standard deviation of the goal due to the error of the beam model, the same for all choices of states.
+        Relative standard deviation of the goal due to the error of the beam model.
     """
 
     loads: Loads
@@ -171,10 +155,7 @@ class Candidates:
         return len(self.normal)
 
     def variance(self, choices: Choice) -> Array:
-        """Return the relative variance of the goal (modulus or law parameter) for D choices of states, (D,).
-
-        Each row of ``choices`` (D, K) has the indices of K states.
-        """
+        """Return the relative variance of the modulus or law parameter, (D,), for D choices of load cases (D, K)."""
         information, source_score = self.normal[choices].sum(axis=1), self.source_score[choices].sum(axis=1)
         goal = np.tile(self.goal, (len(choices), 1))[..., None]
         direction = np.linalg.solve(information + self.prior, goal)[..., 0]
@@ -184,44 +165,32 @@ class Candidates:
         return np.asarray(self._widened(choices.shape[1]) ** 2 * noise + prior + sources + self.irreducible**2)
 
     def half_width_percent(self, choice: Choice) -> float:
-        """Return the half-width of the 95 % interval of the goal (modulus or law parameter), in per cent.
-
-        ``choice`` has the indices of the states to measure.
-        """
+        """Return the half-width of the 95 % interval of the modulus or law parameter in per cent."""
         return 100 * NORMAL_95 * float(np.sqrt(self.variance(choice[None])[0]))
 
     def effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the standard deviation of the goal (modulus or law parameter) by each uncertain input, in per cent.
-
-        The largest effect comes first. ``choice`` has the indices of the states to measure.
-        """
+        """Return the standard deviation of the modulus or law parameter due to each uncertain input in per cent."""
         signed = self.signed_effects_percent(choice)
         return {name: abs(signed[name]) for name in sorted(signed, key=lambda name: -abs(signed[name]))}
 
     def signed_effects_percent(self, choice: Choice) -> dict[str, float]:
-        """Return the change of the goal (modulus or law parameter) by one standard uncertainty of each input, in %.
-
-        ``choice`` has the indices of the states to measure.
-        """
+        """Return the change of the modulus or law parameter by one standard uncertainty of each input in per cent."""
         information, source_score = self.normal[choice].sum(axis=0), self.source_score[choice].sum(axis=0)
         effect = 100 * (np.linalg.solve(information + self.prior, self.goal) @ source_score)
         return {name: float(value) for name, value in zip(self.sources, effect, strict=True)}
 
     def _widened(self, states: int) -> float:
-        """Return the factor by which an interval is wider because the noise level is estimated (Student's t)."""
+        """Return the factor by which an estimated noise level widens an interval (Student's t)."""
         freedom = max(min(self.points * states - len(self.goal), 2 * states - 1), 1.0)
         return float(scipy.special.stdtrit(freedom, 0.975)) / NORMAL_95
 
     def least_percent(self, states: int) -> float:
-        """Return a lower bound of the half-width of the 95 % interval in per cent, for all choices of states.
-
-        The interval is that of the goal (modulus or law parameter), and ``states`` is the number of chosen states. A
-        choice whose interval is near this bound can hardly be improved.
+        """Return a lower bound of the half-width of the 95 % interval in per cent, for any choice of load cases.
 
         Raises
         ------
         ValueError
-            If there is more than one unknown.
+            If the law has more than one unknown.
         """
         if len(self.goal) > 1:
             raise ValueError(f"the lower bound of the interval needs a law with one unknown, not with {len(self.goal)}")
@@ -250,9 +219,7 @@ def candidates(
     goal: str = MODULUS,
     along: int = _FIT_ALONG,
 ) -> Candidates:
-    """Return the load states from which a plan may choose, with the derivatives of their edges.
-
-    States in which the beam has no equilibrium are left out.
+    """Return the load cases from which a plan chooses, with the derivatives of their edges.
 
     Parameters
     ----------
@@ -261,28 +228,22 @@ def candidates(
     specimen : Specimen
         The specimen of the planned run.
     loads : Loads
-        The states that could be measured.
+        The possible load cases.
     stated : sequence of StatedSource
-        Uncertain inputs of the planned run.
+        Uncertain inputs.
     noise : EdgeNoise
         Noise of the edges, and error of the beam model.
     goal : str
-        The quantity whose interval is to be narrow: `MODULUS` or the name of a parameter of the law.
+        `MODULUS` or the name of a parameter of the law.
     along : int
-        Number of elements in the length of the beam in the fit after the run. The error of this mesh is one of the
-        uncertain inputs.
-
-    Returns
-    -------
-    Candidates
-        The states with an equilibrium.
+        Number of elements along the beam in the fit after the run.
 
     Raises
     ------
     KeyError
         If the law does not have the parameter ``goal``.
     ValueError
-        If no state has an equilibrium.
+        If no load case has an equilibrium.
     """
     model = planar_model(specimen)
     states = states_reached(known, model, loads)
@@ -309,7 +270,7 @@ def candidates(
 
 
 def planar_model(specimen: Specimen) -> BeamModel:
-    """Return a planar beam model with few elements, also for a solid specimen, to compute derivatives quickly."""
+    """Return a planar beam model with few elements, to compute derivatives quickly."""
     # The derivatives of the edges of a solid section differ by only a few per cent.
     return BeamModel(replace(specimen, section=specimen.planar_section))
 
@@ -325,7 +286,7 @@ def states_reached(known: KnownLaw, model: BeamModel, loads: Loads) -> Choice:
 def experiment_without_noise(
     known: KnownLaw, model: BeamModel, loads: Loads, stated: Sequence[StatedSource], noise: EdgeNoise
 ) -> Experiment:
-    """Return an experiment with edges that are simulated for a known law, in place of measured edges."""
+    """Return an experiment with edges that are simulated for a known law."""
     shapes = model.solve(known.law, known.parameters[None], loads)
     edges = points_on(edge_curves(model, shapes)[0], 4)[:, :, 4:-4]
     observed = EdgeObservation(edges, np.full(edges.shape[:3], noise.residual_mm))
@@ -333,10 +294,7 @@ def experiment_without_noise(
 
 
 def slopes_of(problem: Problem, unit: Array) -> Array:
-    """Return the derivatives of the residuals in mm by n unknowns scaled to 0..1, shape (n, K, 2, m).
-
-    There are m points on each of 2 edges in K states.
-    """
+    """Return the derivatives of the residuals in mm by n unknowns scaled to 0..1, shape (n, K, 2, m)."""
     batch, distance = difference_batch(unit)
     residuals = problem.evaluate(batch, 1.0).comparison.misfits[0].residuals
     n = len(unit)
@@ -344,11 +302,7 @@ def slopes_of(problem: Problem, unit: Array) -> Array:
 
 
 def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
-    """Return the standard deviation of the edges in mm due to the mesh of a fit, (K, 2, m), as a dictionary.
-
-    There are m points on each of 2 edges in K states. ``along`` is the number of elements in the length of the beam.
-    The only key is the name of this error. The dictionary is empty if the error cannot be computed.
-    """
+    """Return the standard deviation of the edges in mm due to the mesh of a fit, (K, 2, m), with its name."""
     mesh_correction = correction(
         FINER_MESH,
         problem.experiments,
@@ -362,19 +316,12 @@ def _mesh(problem: Problem, unit: Array, along: int) -> dict[str, Array]:
 
 
 def weight_of_point(noise: EdgeNoise, points_per_edge: int) -> float:
-    """Return the weight in 1/mm^2 of each simulated edge point in a sum of squares.
-
-    With this weight, the simulated points of a state give as much information as its measured points.
-    ``points_per_edge`` is the number of simulated points on each of the two edges.
-    """
+    """Return the weight in 1/mm^2 of each simulated edge point in a sum of squares."""
     return noise.points / (2 * points_per_edge) / (noise.alike * noise.residual_mm**2)
 
 
 def _goal(known: KnownLaw, unknowns: Unknowns, unit: Array, goal: str) -> Array:
-    """Return the derivatives of the goal (modulus or law parameter) by n unknowns, divided by its value, (n,).
-
-    KeyError is raised for an unknown name of a parameter.
-    """
+    """Return the derivatives of the modulus or law parameter by n unknowns, divided by its value, (n,)."""
     names = known.law.parameter_names
     if goal != MODULUS and goal not in names:
         raise KeyError(goal)

@@ -1,22 +1,4 @@
-"""Estimate the shear modulus during a run, quickly enough to repeat the estimate after every state (load).
-
-The law is Neo-Hookean. A complete fit follows after the run.
-
-Solid sections. The residuals of a planar beam model are corrected by the difference between the displacements of a
-three-dimensional model and those of the planar model (the depth effect, `beam.depth_effect`). The depth effect is a
-smooth function of the bending and hardly depends on the modulus. It is therefore kept for the estimates after later
-states, and the three-dimensional model is only solved again for a state with more bending than all states before. An
-error of the modulus remains after the correction. It is assumed to be 5 % of the bias, but at least 0.15 % of the
-modulus, where the bias is the relative error of a fit with the planar model alone (`inference.planning.section_bias`).
-If the depth effect cannot be interpolated, the modulus is fitted with the planar model and divided by 1 + bias.
-
-Wider intervals. A new state can make the interval wider, because some stated uncertainties have a larger effect on the
-modulus if the beam bends more. If it is more than 5 % wider than the narrowest interval so far, the estimate from
-before the new state is kept under two conditions. First, the interval of this estimate contains the new estimate.
-Second, it grows by at most 5 % if the noise in it is as large as in the new estimate. An interval that is kept
-because it is narrow still contains the true modulus with a probability of 95 %, because its width depends on the loads
-and hardly on the measured edges.
-"""
+"""Estimate the shear modulus of a Neo-Hookean beam during a run, after every load case."""
 
 from __future__ import annotations
 
@@ -59,7 +41,7 @@ _WIDTH_GROWS = 1.05  # factor on the narrowest interval by which the noise may w
 
 @dataclass(frozen=True)
 class _Depth:
-    """Displacements of a three-dimensional beam model minus those of a planar one, and the modulus in Pa of both."""
+    """The displacements of a three-dimensional minus those of a planar beam model, for a modulus in Pa."""
 
     effect: DepthEffect
     modulus_Pa: float
@@ -67,32 +49,30 @@ class _Depth:
 
 @dataclass(frozen=True)
 class ModulusSoFar:
-    """The initial shear modulus, estimated from the states measured so far in a run.
+    """The initial shear modulus, estimated from the load cases that a run has measured.
 
     Attributes
     ----------
     value_Pa : float
-        The estimate of the modulus in Pa.
+        The modulus.
     interval_95_Pa : tuple of float
-        Lower and upper end of the 95 % interval of the modulus in Pa, due to noise, stated uncertainties and the
-        remaining error of the beam model.
+        Lower and upper end of the 95 % interval of the modulus.
     error_mm : float
-        Mean over all measured states of the root mean square residual, in mm.
+        Mean of the root mean square residuals of the load cases.
     states : int
-        Number of states that the estimate uses.
+        Number of load cases.
     limited_by : str
-        The uncertain input with the largest effect on the interval, or the noise of the edges, in words.
+        The largest contribution to the interval, in words.
     bounds_Pa : tuple of float
-        Lower and upper bound of the modulus in the search, in Pa.
+        Bounds of the modulus in the search.
     unit : ndarray, shape (1,)
-        The optimum of the fit, scaled to 0..1 between the bounds.
+        Optimum of the fit, scaled to 0..1 between the bounds.
     narrowest_Pa : float
-        Width of the narrowest interval so far, in Pa.
+        Width of the narrowest interval in the run.
     noise_Pa : float
-        Width of the 95 % interval in Pa from noise and mesh error alone.
+        Width of the 95 % interval due to noise and mesh error alone.
     depth : object, optional
-        Displacements of a three-dimensional beam model minus those of a planar model, for the estimate after the next
-        state. None for a planar section, and if the difference cannot be interpolated.
+        Correction of the displacements by a three-dimensional beam model.
     """
 
     value_Pa: float
@@ -113,31 +93,21 @@ class ModulusSoFar:
 
 
 def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -> ModulusSoFar:
-    """Estimate the modulus of a Neo-Hookean beam from the states measured so far in a run.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The states measured so far.
-    before : ModulusSoFar, optional
-        The estimate after the previous state.
-
-    Returns
-    -------
-    ModulusSoFar
-        The estimate from all states, or the earlier estimate if its interval is narrower and still valid.
+    """Estimate the modulus of a Neo-Hookean beam from the load cases that a run has measured.
 
     Raises
     ------
     NothingActs
         If no load bends the beam.
     NothingConverged
-        If the beam has no equilibrium for any modulus that the search tries.
+        If the beam has no equilibrium for any modulus of the search.
     """
     now = _estimated(experiment, before)
     if before is None:
         return now
     (low, high), more_noise_Pa2 = before.interval_95_Pa, max(now.noise_Pa**2 - before.noise_Pa**2, 0.0)
+    # A new state can make the interval wider, because some uncertainties have a larger effect if the beam bends more.
+    # The width depends on the loads and hardly on the edges, so that the narrow interval keeps its probability of 95 %.
     # The residuals of all states, as noise, must hardly widen the earlier interval, and it must contain the new
     # estimate.
     is_valid = np.hypot(before.width_Pa, np.sqrt(more_noise_Pa2)) <= _WIDTH_GROWS * before.width_Pa
@@ -149,7 +119,7 @@ def modulus_so_far(experiment: Experiment, before: ModulusSoFar | None = None) -
 
 
 def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSoFar:
-    """Return the estimate of the modulus from all states measured so far; ``before`` is the start of the search."""
+    """Return the estimate of the modulus from all measured load cases; the search starts at ``before``."""
     specimen = experiment.model.specimen
     flat = polished(replace(experiment, solid=None, change=None))
     problem = Problem(_LAW, Unknowns(search_space(_LAW), nuisances((), 1, [flat.stated])), (flat,), ())
@@ -166,6 +136,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
     is_solid = specimen.section == "solid"
     corrected = _with_depth(problem, whole, before.depth if before else None) if is_solid else None
     problem, optimum, effects, depth = corrected or (problem, polish(problem.nearby(1.0), whole), (), None)
+    # Without a correction by the solid, the modulus of the planar model is divided by 1 + bias.
     planar_share = 1.0 if depth or not is_solid else 1.0 / (1.0 + expected_bias(specimen))
     fitted = estimate(problem, optimum, effects, _noise(problem, optimum), (), 1)
     modulus, first = fitted.initial_shear_modulus, fitted.measure_next
@@ -188,14 +159,7 @@ def _estimated(experiment: Experiment, before: ModulusSoFar | None) -> ModulusSo
 def _with_depth(
     problem: Problem, unit: Array, before: _Depth | None
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], _Depth] | None:
-    """Correct the residuals by a three-dimensional beam model, and fit again.
-
-    Returns
-    -------
-    tuple or None
-        The corrected problem, its optimum, the remaining error, and the change of the displacements by the
-        three-dimensional model; None if this change cannot be interpolated.
-    """
+    """Correct the residuals by a three-dimensional beam model and fit again; None without such a correction."""
     plain, depth, corrected = problem.experiments, before, problem
     batch, distance = difference_batch(unit)
     optimum = Optimum(unit, problem.evaluate(batch, 1.0, keep=True), distance, Polish(0.0, 0.0, 0))
@@ -203,6 +167,8 @@ def _with_depth(
     percent = max(100 * SOLID.remaining_share * abs(expected_bias(plain[0].model.specimen)), _LEAST_PERCENT)
     for _ in range(_PASSES):
         modulus_Pa = float(problem.unknowns.parameters(optimum.unit[None])[0, 0])
+        # The depth effect is a smooth function of the bending and hardly depends on the modulus: it serves for later
+        # states.
         if depth and abs(modulus_Pa / depth.modulus_Pa - 1) > _CARRIED:
             depth = None
         options = SolidOptions("interpolate", earlier=depth.effect if depth else None)
@@ -210,6 +176,7 @@ def _with_depth(
         here = problem.with_own_changes(optimum.evaluation, corrected).comparison.take(_FIRST)
         change = correction(SOLID, plain, here, at, options=options)
         effect = change.effects[0] if change else None
+        # The depth effect cannot be interpolated over the bending.
         if change is None or effect is None:
             return None
         depth = _Depth(effect.thinned(_MOST_SOLVED), depth.modulus_Pa if depth else modulus_Pa)
@@ -225,7 +192,7 @@ def _alone(problem: Problem, unit: Array, experiments: Sequence[Experiment]) -> 
 
 
 def _noise(problem: Problem, optimum: Optimum[Evaluation]) -> Noise:
-    """Return the noise of a fit, for its interval: all residuals at the optimum count as noise."""
+    """Return the noise of a fit; all residuals at the optimum count as noise."""
     about = linearise(problem, optimum)
     explained = Explained(about.states, about.hessian, float((about.priors**2).sum()))
     return Noise(about, explained, considered(problem, optimum.unit))

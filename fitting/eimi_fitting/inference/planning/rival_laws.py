@@ -1,9 +1,7 @@
-"""Choose the states (loads) to measure next, so that they distinguish two laws.
+"""Choose the load cases to measure next, so that they distinguish two laws.
 
-The first law is assumed to be true. The second law (the rival) is fitted to the edges that are simulated with the first
-law. Its residuals show how well a measurement could distinguish the two laws. The criterion is the sum of the squared
-residuals, in units of the noise variance. It is the expected difference in AIC between the two laws, and is also called
-the noncentrality (T-optimality: Atkinson and Fedorov 1975, Biometrika 62:57).
+The second law is fitted to edges that are simulated with the first. The sum of the squared residuals in units of the
+noise variance is the expected difference in AIC (T-optimality: Atkinson and Fedorov 1975, Biometrika 62:57).
 """
 
 from __future__ import annotations
@@ -36,25 +34,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rivals:
-    """The S load states that could be measured to decide which of two laws is true.
+    """The S load cases from which a plan chooses those that distinguish two laws.
 
-    The second law (the rival) is fitted to the simulated edges of the first law. The fit has m unknowns: those of the
-    second law and the uncertain inputs.
+    The second law and the uncertain inputs, m unknowns in all, are fitted to simulated edges of the first law.
 
     Attributes
     ----------
     loads : Loads
-        The loads of the S states.
+        The loads of the S load cases.
     states : ndarray of int, shape (S,)
-        Index of each state among all loads of the plan. Loads without an equilibrium are left out.
+        Index of each load case in the plan.
     square : ndarray, shape (S,)
-        Sum of the squared residuals of the second law before the fit, in units of the noise variance.
+        Sum of the squared residuals of the second law at the start of the fit, in units of the noise variance.
     score : ndarray, shape (S, m)
         Gradient of half of ``square`` in the m unknowns.
     normal : ndarray, shape (S, m, m)
-        Hessian of half of ``square`` in the m unknowns, for linear residuals.
+        Hessian of half of ``square`` in the m unknowns.
     prior : ndarray, shape (m, m)
-        Inverse covariance of the m unknowns before the measurement.
+        Inverse prior covariance of the m unknowns.
     """
 
     loads: Loads
@@ -68,17 +65,13 @@ class Rivals:
         return len(self.square)
 
     def variance(self, choices: Choice) -> Array:
-        """Return 1 divided by the expected difference in AIC of two laws, for D choices of K states, shape (D,).
-
-        Each row of ``choices`` (D, K) has the indices of K states. A plan chooses the states for which the result is
-        smallest.
-        """
+        """Return 1 divided by the expected difference in AIC of two laws, (D,), for D choices of load cases (D, K)."""
         square, score = self.square[choices].sum(axis=1), self.score[choices].sum(axis=1)
         step = np.linalg.solve(self.normal[choices].sum(axis=1) + self.prior, score[..., None])[..., 0]
         return np.asarray(1 / np.maximum(square - np.einsum("di,di->d", score, step), 1e-12))
 
     def apart(self, choice: Choice) -> float:
-        """Return the expected difference in AIC between two laws for the chosen states, if the first law is true."""
+        """Return the expected difference in AIC between two laws for the chosen load cases."""
         return 1 / float(self.variance(choice[None])[0])
 
 
@@ -90,32 +83,25 @@ def rivals(
     stated: Sequence[StatedSource],
     noise: EdgeNoise,
 ) -> Rivals:
-    """Compute how well each possible load state distinguishes two laws.
-
-    States in which the beam has no equilibrium are left out.
+    """Compute how well each load case distinguishes two laws.
 
     Parameters
     ----------
     known, rival : KnownLaw
-        The first law (assumed true) and the second law, both with the parameters of earlier fits.
+        The law that is assumed to be true, and the second law.
     specimen : Specimen
         The specimen of the planned run.
     loads : Loads
-        The states that could be measured.
+        The possible load cases.
     stated : sequence of StatedSource
-        Uncertain inputs of the planned run.
+        Uncertain inputs.
     noise : EdgeNoise
         Noise of the edges.
-
-    Returns
-    -------
-    Rivals
-        The states with an equilibrium under both laws.
 
     Raises
     ------
     ValueError
-        If no state has an equilibrium under both laws.
+        If no load case has an equilibrium under both laws.
     """
     model = planar_model(specimen)
     states = states_reached(rival, model, loads)

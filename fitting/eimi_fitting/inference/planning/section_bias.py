@@ -1,9 +1,4 @@
-"""Estimate the error of a modulus due to a planar beam model: fit a planar model to a simulated solid beam.
-
-The error depends on the proportions of the specimen, and not on noise, illumination or hyperelastic law. Two bent
-states of a three-dimensional Neo-Hookean beam are enough to compute the error to one per cent of the modulus.
-`benchmarks.hidden_solids` compares this estimate with complete fits.
-"""
+"""Estimate the error of a modulus due to a planar beam model: fit a planar model to a simulated solid beam."""
 
 from __future__ import annotations
 
@@ -34,17 +29,7 @@ _STEP = 0.02  # of the logarithm of the modulus, for the difference quotient
 
 @lru_cache(maxsize=8)
 def expected_bias(specimen: Specimen) -> float:
-    """Return the relative error of a modulus that is identified with a planar instead of a solid beam model.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        The specimen. For a solid section, the planar model is in plane stress.
-
-    Returns
-    -------
-    float
-        Identified modulus divided by the modulus of the simulated solid beam, minus one.
+    """Return the relative error of the modulus if a planar model is fitted to a solid beam.
 
     Raises
     ------
@@ -54,6 +39,7 @@ def expected_bias(specimen: Specimen) -> float:
     law = LAWS["neo-hookean"]
     beside = SolidBeside(replace(specimen, section="solid"), ALONG, ACROSS)
     planar = BeamModel(specimen, beside.planar.along, beside.planar.across, specimen.planar_section)
+    # The bias depends on the proportions of the specimen. Two bent states give it to one per cent of the modulus.
     loads = bending_loads(planar)
     stated, stiffer = (np.array([[MODULUS_PA * np.exp(step)]]) for step in (0.0, _STEP))
     here = planar.solve(law, stated, loads, tolerance_mm=TOLERANCE_MM, keep=True)
@@ -71,10 +57,7 @@ def expected_bias(specimen: Specimen) -> float:
 
 
 def bending_loads(planar: BeamModel) -> Loads:
-    """Return two loads: half of the load that turns the tip of the beam by about 45 degrees, and this load.
-
-    The load is a magnetic field or a tip force, without gravity.
-    """
+    """Return two loads: half of the load that turns the tip of the beam by about 45 degrees, and this load."""
     specimen, law, modulus = planar.specimen, LAWS["neo-hookean"], np.array([[MODULUS_PA]])
     magnetic = specimen.magnet is not None or any(specimen.magnetisation_A_per_m)
     stiffness_N = 1e-6 * MODULUS_PA * specimen.width_mm**3 * specimen.depth_mm / specimen.length_mm**2

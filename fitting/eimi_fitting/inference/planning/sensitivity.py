@@ -17,17 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Simulated edges of the beam and their derivatives, for P sets of n parameters of a law, in K load states.
+    """Simulated edges of the beam and their derivatives, for P parameter sets of a law and K load cases.
 
     Attributes
     ----------
     edges : ndarray, shape (P, K, 2, m, 2)
-        Positions of m points on the left edge and m points on the right edge, in mm. The last axis has x and y.
+        Positions (x, y) of m points on each of two edges, in mm.
     slope : ndarray, shape (P, n, K, 2, m, 2)
         Derivatives of ``edges`` by the n parameters, in mm per unit of the parameter.
     converged : ndarray of bool, shape (P,)
-        Whether the beam has an equilibrium for the set of parameters and for the 2 n nearby sets of the central
-        differences. Otherwise the edges and derivatives of this set are invalid.
+        Whether the edges and derivatives of a parameter set are valid.
     """
 
     edges: Array
@@ -38,7 +37,7 @@ class Sensitivity:
 def edge_sensitivity(
     model: BeamModel, law: Law, parameters: Array, loads: Loads, relative_step: float = 1e-4, per_segment: int = 2
 ) -> Sensitivity:
-    """Return the simulated edges of the beam for P sets of parameters of a law, and their derivatives.
+    """Return the simulated edges of the beam for P parameter sets of a law, and their derivatives.
 
     Parameters
     ----------
@@ -47,9 +46,9 @@ def edge_sensitivity(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        P sets of the n parameters, in the order and units of the law.
+        P sets of n parameters in the order and units of the law.
     loads : Loads
-        The loads of K states.
+        The loads of K load cases.
     relative_step : float
         Step of the central difference as a share of the parameter, if the parameter is not zero.
     per_segment : int
