@@ -152,6 +152,6 @@ def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Ev
     numbers = [(*freed_number(f.name), f.deviation.value) for f in fit.freed if places[0] in f.datasets]
     deviations: dict[str, Array] = {}
     for source, part, value in numbers:
-        if SOURCES[source].bends:
+        if SOURCES[source].changes_experiment:
             deviations.setdefault(source, np.zeros(len(SOURCES[source].parts)))[part] = value
     return Assumptions(bulk, Setup.of(numbers, candidates), deviations)

@@ -783,7 +783,7 @@ def test_a_source_moves_the_optimum_as_a_refit_with_its_residuals() -> None:
     moved = replace(about, states=(replace(states, residuals=states.residuals + change),))
     expected = -np.linalg.solve(about.hessian, moved.score) + np.linalg.solve(about.hessian, about.score)
     np.testing.assert_allclose(found.sizes, [expected, np.zeros(2)], atol=1e-12)
-    np.testing.assert_array_equal(found.held, np.zeros(2))  # no unknown lies on a bound
+    np.testing.assert_array_equal(found.without_bounds, np.zeros(2))  # no unknown lies on a bound
 
 
 @pytest.mark.parametrize("spread", [10.0, 0.01])
@@ -795,10 +795,10 @@ def test_an_optimum_on_a_bound_is_centred_at_most_two_deviations_beyond(spread: 
     covariance = spread**2 * np.eye(2)
     free = -np.linalg.solve(about.hessian, about.score)
     share = min(1.0, 2.0 * spread / np.abs(free).max())
-    np.testing.assert_allclose(steps_of(about, nothing, covariance).held, share * free)
-    assert not steps_of(about, [], covariance).held.any()
+    np.testing.assert_allclose(steps_of(about, nothing, covariance).without_bounds, share * free)
+    assert not steps_of(about, [], covariance).without_bounds.any()
     inward = evidence(tuple(1.0 - u for u in unit))  # type: ignore[arg-type]
-    assert not steps_of(inward, nothing, covariance).held.any()
+    assert not steps_of(inward, nothing, covariance).without_bounds.any()
 
 
 def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> None:

@@ -79,7 +79,7 @@ def test_each_source_changes_only_what_it_concerns() -> None:
     assert {name for name, s in SOURCES.items() if s.lens} == {"stand-off", "tilt"}
     assert {name for name, s in SOURCES.items() if s.specimen} == BEAM_KEYS.keys() | MAGNET_KEYS.keys() | MODES
     for name, source in SOURCES.items():
-        assert source.bends is (name not in {"moment", "coil", "scale", "roll", "clamp"}), name
+        assert source.changes_experiment is (name not in {"moment", "coil", "scale", "roll", "clamp"}), name
 
 
 @pytest.mark.parametrize("source", BEAM_KEYS)

@@ -265,7 +265,7 @@ def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -
 
     now, optimum: the fit without this correction, and its optimum.
     """
-    start = changed.with_own_changes(optimum.evaluation, now), optimum.distance
+    start = changed.recorrected(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
 

@@ -103,4 +103,4 @@ def _with_changes(
         for e, change in zip(problem.experiments, changes, strict=True)
     )
     changed = replace(problem, experiments=experiments)
-    return changed, replace(optimum, evaluation=changed.with_own_changes(optimum.evaluation, problem))
+    return changed, replace(optimum, evaluation=changed.recorrected(optimum.evaluation, problem))

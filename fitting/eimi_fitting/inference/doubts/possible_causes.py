@@ -48,7 +48,7 @@ class Assumed:
         """The experiment with the errors of the inputs that belong to specimen, loads or lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
-            if SOURCES[source].bends:
+            if SOURCES[source].changes_experiment:
                 parts.setdefault(source, np.zeros(len(SOURCES[source].parts)))[part] += value
         return self.experiment.under(parts)
 

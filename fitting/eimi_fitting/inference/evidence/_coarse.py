@@ -1,9 +1,4 @@
-"""Reduce experiments to a coarse mesh of the beam and few points of each edge, for a fast first search.
-
-The first search needs only a point near the optimum, because Gauss-Newton steps follow. The coarse mesh is the default
-mesh of `BeamModel`. It changes the simulated edges by a few thousandths of a millimetre, and the omitted points of the
-edges have a smaller effect.
-"""
+"""Reduce experiments to a coarse mesh of the beam and few points of each edge, for a fast first search."""
 
 from __future__ import annotations
 
@@ -14,6 +9,8 @@ from eimi_fitting.beam.model import BeamModel
 from eimi_fitting.inference.evidence.experiment import Experiment
 from eimi_fitting.inference.evidence.measurements import EdgeObservation, Observation
 
+# The first search needs only a point near the optimum, because Gauss-Newton steps follow. The coarse mesh changes the
+# simulated edges by a few thousandths of a millimetre, and the omitted points of the edges have a smaller effect.
 POINTS_OF_EDGE = 25  # about two for each element
 
 

@@ -10,23 +10,9 @@ Array = NDArray[np.float64]
 
 
 def step_to_minimum(unit: Array, gradient: Array, hessian: Array) -> Array:
-    """Return the step from a point in the unit cube to the minimum of a quadratic function in this cube.
+    """Return the step d, (n,), from a point to the minimum of a quadratic function in the unit cube.
 
-    The step d minimises g' d + d' H d / 2, where g is the gradient of the function at the point and H its Hessian.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        The point, with n coordinates from 0 to 1.
-    gradient : ndarray, shape (n,)
-        The gradient g.
-    hessian : ndarray, shape (n, n)
-        The Hessian H, positive definite.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The step d.
+    The step minimises g' d + d' H d / 2 for the gradient g and the Hessian H at the point ``unit``.
     """
     free = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
     if (unit + free >= 0.0).all() and (unit + free <= 1.0).all():

@@ -1,30 +1,11 @@
-"""Correct the residuals of a fit by a more exact beam model, which is solved only at the optimum.
+"""Correct the residuals of a fit to those of an accurate beam model, which is solved only at the optimum.
 
-The search uses a fast beam model, with the residuals r(x) for the unknowns x and the optimum x_0. A more exact model
-has the residuals R(x). The fit is repeated with the residuals
+The search uses a fast model, with the residuals r(x) for the unknowns x and the optimum x_0. The accurate model has a
+finer mesh or three dimensions, and the residuals R(x). The fit is repeated with the residuals
 
     r(x) + R(x_0) - r(x_0)
 
-(deferred correction; Stetter 1978, Numer. Math. 29:425). The new optimum is close to the optimum of R, although the
-more exact model is solved only for x_0. If there are several more exact models, their changes R - r are added. These
-models have an error, too. It is estimated as a share of the change of the optimum by the correction. The interval of
-the fit contains this error as a normal error, with the estimate as its 95 % bound.
-
-The finer mesh. The corner where a free side meets the clamp is singular. In an incompressible material in plane strain,
-the displacement at the distance d from the corner grows as d^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
-lambda solves sin^2(pi lambda / 2) = 1 - lambda^2). Quantities of the whole beam therefore converge as h^1.19 in the
-element size h, for elements of any order; 1.19 is twice the exponent. Halving h removes the share 1 - 2^-1.19 of the
-error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,
-Verification and Validation in Computational Science and Engineering, section 5.5).
-
-The three-dimensional model. The fast model assumes plane stress. In a beam of finite depth, the clamp and the magnet
-prevent the lateral contraction of the cross-section near them, and a bent cross-section curves across its width and
-depth. If the depth of the magnet is smaller than the depth of the beam, silicone covers the magnet in the direction of
-the depth and deforms there. These effects change the modulus by some per cent and the edges by tens of micrometres,
-much more than the noise, and no planar model contains them. The correction is therefore computed again at each new
-optimum, until the modulus hardly changes. The correction for a finer planar mesh is not added, because the stress at
-the corner of the clamp is different in a three-dimensional model. The mesh of the three-dimensional model is fine
-enough: meshes of 20 x 2 and of 36 x 4 elements give moduli that differ by less than 0.1 %.
+(deferred correction; Stetter 1978, Numer. Math. 29:425).
 """
 
 from __future__ import annotations
@@ -50,19 +31,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Refinement:
-    """A way to simulate an experiment more exactly: with a finer planar mesh or with a three-dimensional model.
+    """An accurate beam model for an experiment: a finer planar mesh or a three-dimensional model.
 
     Parameters
     ----------
     name : str
-        Name of the more exact model in a result.
+        Name of the model in a result.
     better : callable
-        Takes an experiment and returns the experiment with the more exact model.
+        Takes an experiment and returns it with the accurate model.
     remaining_share : float
-        Estimated error of the fitted parameters with the more exact model, divided by their change from the fast to the
-        more exact model.
+        Error of the fitted parameters with the accurate model, divided by their change from the fast model.
     doubt : str
-        Text of the warning about a fit for which the solver of the more exact model finds no equilibrium.
+        Warning about a fit in which the accurate model has no equilibrium.
     """
 
     name: str
@@ -76,6 +56,12 @@ def _halved(experiment: Experiment) -> Experiment:
     return experiment if is_solid else replace(experiment, model=experiment.model.halved())
 
 
+# The corner where a free side meets the clamp is singular. In an incompressible material in plane strain, the
+# displacement at the distance d from the corner grows as d^0.595 (Williams 1952, J. Appl. Mech. 19:526: the exponent
+# lambda solves sin^2(pi lambda / 2) = 1 - lambda^2). Quantities of the whole beam therefore converge as h^1.19 in the
+# element size h, for elements of any order; 1.19 is twice the exponent. Halving h removes the share 1 - 2^-1.19 of the
+# error. The remaining error is 1 / (2^1.19 - 1) = 0.78 times the change (Richardson extrapolation; Roache 1998,
+# Verification and Validation in Computational Science and Engineering, section 5.5).
 MESH_ORDER = 1.19  # order of convergence in the element size
 FINER_MESH = Refinement(
     name="mesh",
@@ -88,7 +74,7 @@ FINER_MESH = Refinement(
 
 @lru_cache(maxsize=8)
 def solid_beside(specimen: Specimen) -> SolidBeside:
-    """Return the three-dimensional model of a specimen, which also contains a planar model of the same specimen."""
+    """Return the three-dimensional beam model of a specimen."""
     across = round(ALONG * Strip(specimen).straight.width_mm / specimen.flexible_length_mm)
     return SolidBeside(specimen, ALONG, min(max(across, _LEAST_ACROSS), _MOST_ACROSS))
 
@@ -99,11 +85,8 @@ def _solid(experiment: Experiment) -> Experiment:
 
 
 def polished(experiment: Experiment) -> Experiment:
-    """Return the experiment with the planar mesh that the Gauss-Newton steps at the end of a fit use.
-
-    For a solid section, this is the planar mesh that belongs to the three-dimensional model. Otherwise the mesh stays
-    the same.
-    """
+    """Return the experiment with the planar mesh of the last steps of a fit."""
+    # A three-dimensional model contains a planar model, whose mesh these steps use.
     specimen = experiment.model.specimen
     return replace(experiment, model=_on_lines_of_solid(specimen)) if specimen.section == "solid" else experiment
 
@@ -116,6 +99,14 @@ def _on_lines_of_solid(specimen: Specimen) -> BeamModel:
 
 ALONG, _LEAST_ACROSS, _MOST_ACROSS = 20, 2, 4
 _FIRST = np.zeros(1, np.intp)
+# The fast model assumes plane stress. In a beam of finite depth, the clamp and the magnet prevent the lateral
+# contraction of the cross-section near them, and a bent cross-section curves across its width and depth. If the depth
+# of the magnet is smaller than the depth of the beam, silicone covers the magnet in the direction of the depth and
+# deforms there. These effects change the modulus by some per cent and the edges by tens of micrometres, much more than
+# the noise. The correction is therefore computed again at each new optimum, until the modulus hardly changes. The mesh
+# of the three-dimensional model is fine enough: meshes of 20 x 2 and of 36 x 4 elements give moduli that differ by less
+# than 0.1 %. The change by a finer planar mesh is not added, because the stress at the corner of the clamp is different
+# in a three-dimensional model.
 SOLID = Refinement(
     name="section",
     better=_solid,
@@ -126,29 +117,27 @@ SOLID = Refinement(
 
 
 def refinements(experiments: Sequence[Experiment]) -> tuple[Refinement, ...]:
-    """Return the kinds of more exact models that the experiments need: finer planar meshes, three-dimensional ones."""
+    """Return the accurate models of the experiments: finer planar meshes, three-dimensional models, or both."""
     sections = {e.model.specimen.section for e in experiments}
     return (*([SOLID] if "solid" in sections else []), *([FINER_MESH] if sections - {"solid"} else []))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The change of the residuals of a fit (measured minus simulated positions) by a more exact beam model.
+    """The change of the residuals of a fit in mm, from the fast to the accurate beam model.
 
     Parameters
     ----------
     refinement : Refinement
-        The more exact beam model: a finer planar mesh or a three-dimensional model.
-    changes : tuple of ndarray, shape (K, G, m)
-        For each experiment, the residuals of the more exact model minus the residuals of the fast model, in mm. There
-        are K load cases, G groups of points (the two edges, or x and y of tracked points) and m points.
+        The accurate model.
+    changes : tuple of ndarray, shape (K, 2, m)
+        For each experiment, the change in K load cases at m points of the two edges (or in x and y).
     better : Comparison
-        The residuals of the more exact model, with its simulated shapes of the beam.
+        Residuals and shapes of the accurate model.
     models : tuple of Model
-        The more exact model of each experiment.
+        The accurate model of each experiment.
     effects : tuple of DepthEffect or None
-        For each experiment, the displacements of the three-dimensional model minus those of the planar model. None if
-        the more exact model is planar.
+        For each experiment, displacements of the three-dimensional model minus those of the planar model.
     """
 
     refinement: Refinement
@@ -158,11 +147,11 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return this correction without the simulated shapes of the beam, to save memory."""
+        """Return this correction without the simulated shapes of the beam."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
-        """Return the experiments with this change added to the corrections of their residuals."""
+        """Return the experiments with ``changes`` added to their corrections."""
         return tuple(
             replace(e, change=change if e.change is None else e.change + change)
             for e, change in zip(experiments, self.changes, strict=True)
@@ -172,24 +161,12 @@ class Correction:
 def with_residuals_of(
     better: Comparison, experiments: Sequence[Experiment], here: Comparison
 ) -> tuple[Experiment, ...]:
-    """Return the experiments, corrected so that the present beam model gives the residuals of a more exact one.
-
-    A residual is the measured minus the simulated position. Simulations of the corrected experiments with the present
-    model and the parameters of ``here`` have the residuals of ``better``.
+    """Return the experiments, corrected so that the fast model has the residuals of the accurate model.
 
     Parameters
     ----------
-    better : Comparison
-        Residuals of the more exact model.
-    experiments : sequence of Experiment
-        The experiments, with their earlier corrections.
-    here : Comparison
-        Residuals of the present model, with the earlier corrections, for the same parameters of the law.
-
-    Returns
-    -------
-    tuple of Experiment
-        The experiments with their new corrections.
+    better, here : Comparison
+        Residuals of the accurate model and of the fast model.
     """
     return tuple(
         replace(e, change=(0.0 if e.change is None else e.change) + finer.residuals[0] - plain.residuals[0])
@@ -205,28 +182,18 @@ def correction(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> Correction | None:
-    """Compute the change of the residuals (measured minus simulated positions) by a more exact beam model.
+    """Compute the change of the residuals of a fit from the fast to the accurate beam model.
 
     Parameters
     ----------
-    refinement : Refinement
-        The more exact model: a finer planar mesh or a three-dimensional model.
-    experiments : sequence of Experiment
-        The experiments, with the present model.
     here : Comparison
-        Residuals of the present model. Only its first set of parameters is used.
+        Residuals of the fast model.
     compare : callable
-        Takes experiments, simulates them with the first set of parameters of ``here``, and returns their `Comparison`.
+        Simulates experiments with the parameters of ``here``.
     near : sequence of Correction
-        Corrections for similar parameters, from which the solver of a three-dimensional model starts.
-    options : SolidOptions, optional
-        Options of the solver of a three-dimensional model.
-
-    Returns
-    -------
-    Correction or None
-        The correction; None if the solver finds no equilibrium with the present or with the more exact model.
+        Corrections from which the solver of a three-dimensional model starts.
     """
+    # Only the first set of parameters of ``here`` is used.
     options = options or SolidOptions()
     refined = [refinement.better(e) for e in experiments]
     for i, e in enumerate(refined):
@@ -254,30 +221,21 @@ def by_better_model(
     near: Sequence[Correction] = (),
     options: SolidOptions | None = None,
 ) -> tuple[Misfit, Array, Correction | None] | None:
-    """Simulate one experiment with a more exact beam model: a finer planar mesh or a three-dimensional model.
+    """Simulate one experiment with an accurate beam model, and return residuals, edges and correction.
 
     Parameters
     ----------
-    experiment : Experiment
-        The experiment, with the present model.
     here : Comparison
-        Residuals of the present model. Only its first set of parameters is used.
+        Residuals of the fast model.
     compare : callable
-        Takes experiments, simulates them with the first set of parameters of ``here``, and returns their `Comparison`.
+        Simulates experiments with the parameters of ``here``.
     near : sequence of Correction
-        Corrections for similar parameters, from which the solver of a three-dimensional model starts.
-    options : SolidOptions, optional
-        Options of the solver of a three-dimensional model.
+        Corrections from which the solver of a three-dimensional model starts.
 
     Returns
     -------
     tuple or None
-        The residuals of the more exact model, the simulated edges of the beam, and the correction. The edges have the
-        shape (K, 2, S, 3, 2): K load cases, two edges, S quadratic segments, three points, x and y in mm.
-
-        If the solver finds no equilibrium on a finer mesh, the residuals and edges of the present mesh are returned,
-        with None as correction. If it finds none with a three-dimensional model or with the present model, the result
-        is None.
+        The edges have the shape (K, 2, S, 3, 2): K load cases, two edges, S segments, three points, x and y in mm.
     """
     if here.unconverged[0]:
         return None
@@ -285,6 +243,7 @@ def by_better_model(
     better = correction(refinement, [experiment], here, compare, near, options)
     if better is None and refinement is SOLID:
         return None
+    # Without an equilibrium on a finer mesh, the result contains the residuals and edges of the fast model.
     observed, residuals = experiment.observed, here.misfits[0].residuals
     view = observed.view if isinstance(observed, EdgeObservation) else None
     model, shapes = (better.models[0], better.better.shapes[0]) if better else (experiment.model, here.shapes[0])

@@ -42,20 +42,16 @@ class Experiment:
         The loads of the K load cases.
     observed : EdgeObservation or PointObservation
         The measured edges or tracked points in the K load cases.
-    change : ndarray, shape (K, G, m), optional
-        Correction in mm for the error of ``model``, which is added to the residuals (measured minus simulated
-        positions). There are m points in each of G groups: the two edges, or x and y of tracked points.
+    change : ndarray, shape (K, 2, m), optional
+        Correction in mm that is added to the residuals of m points of the two edges (or in x and y).
     solid : SolidBeside, optional
-        The three-dimensional model that is solved instead of ``model``.
+        The three-dimensional model, which the solver uses if there is one.
     solid_options : SolidOptions, optional
         Options of the solver of the three-dimensional model.
     stated : tuple of StatedSource
         The standard uncertainties of inputs, such as the width of the specimen, as the files specify them.
     measured : mapping of str to tuple of float
-        Measured deviations of the specimen from its specified dimensions, which ``model`` already contains. A key is
-        the name of an input, such as "rest-shape", and its value has one deviation for each component of this input, in
-        the unit of the input. For "taper" a second value follows: the width at both ends minus the width in the middle,
-        in mm.
+        Measured deviations from the specified dimensions, by the name of the input. ``model`` contains them.
 
     Examples
     --------
@@ -78,11 +74,13 @@ class Experiment:
     solid: SolidBeside | None = None
     solid_options: SolidOptions | None = None
     stated: tuple[StatedSource, ...] = ()
+    # One deviation for each component of the input, in the unit of the input. "taper" has a second: the width at both
+    # ends minus the width in the middle, in mm.
     measured: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def solved(self) -> BeamModel | SolidBeside:
-        """The beam model that the solver uses: the three-dimensional model if there is one, else the planar model."""
+        """The beam model that the solver uses, planar or three-dimensional."""
         return self.solid or self.model
 
     def of_states(self, states: NDArray[np.intp]) -> Experiment:
@@ -94,33 +92,23 @@ class Experiment:
             change=None if self.change is None else self.change[states],
         )
 
-    def with_own_change(self, misfit: Misfit, before: Experiment) -> Misfit:
-        """Return residuals of the experiment ``before``, with the correction of this experiment instead of its own.
-
-        ``misfit`` contains the residuals of ``before``, which differs from this experiment only in its correction. A
-        correction is the change of the residuals (measured minus simulated positions, in mm) by a more exact beam
-        model.
-        """
+    def recorrected(self, misfit: Misfit, before: Experiment) -> Misfit:
+        """Replace the correction of ``before`` in the residuals ``misfit`` by the correction of this experiment."""
+        # No simulation is needed, because the two experiments differ only in their corrections.
         difference = sum(
             (sign * e.change for sign, e in ((1, self), (-1, before)) if e.change is not None), start=np.zeros(1)
         )
         return self.observed.of_residuals(misfit.residuals + difference)
 
     def under(self, deviations: Mapping[str, Array]) -> Experiment:
-        """Return the experiment with changed inputs, such as another width or another direction of gravity.
+        """Return the experiment with changed inputs, such as the width or the direction of gravity.
 
         Parameters
         ----------
         deviations : mapping of str to ndarray, shape (parts,)
-            For each changed input, such as "width", its deviation from the specified value in the unit of the input. An
-            input with several components, such as x and y, has one deviation for each. An input that changes only the
-            strength of the field or the image of the beam has no effect here; `Setup` contains its effect.
-
-        Returns
-        -------
-        Experiment
-            The experiment with changed specimen, loads and view of the camera. Tracked points move with the specimen.
+            Deviations from the specified values, by the name of the input, in its unit.
         """
+        # An input that changes only the field strength or the image has no effect here; `Setup` contains its effect.
         if not deviations:
             return self
         before = self.model.specimen
@@ -144,6 +132,7 @@ def _observed_of(
         if view is None:
             return observed
         return replace(observed, view=view_under(view, deviations))
+    # Tracked points move with the specimen.
     old, new = Strip(before), Strip(specimen)
     states, n, _ = observed.rest_mm.shape
     straight = old.straightened(observed.rest_mm.reshape(-1, 2))
@@ -159,25 +148,22 @@ def _observed_of(
 
 @dataclass(frozen=True)
 class Comparison:
-    """Residuals and other results of P simulations of all experiments.
-
-    Each simulation uses another set of parameters of the law. It may also use other values of uncertain inputs, such as
-    the width of the specimen.
+    """Residuals and other results of P simulations of all experiments, each with one set of parameters.
 
     Parameters
     ----------
     unconverged : ndarray of bool, shape (P,)
-        Whether the solver finds no equilibrium in at least one load case.
+        Whether a load case has no equilibrium.
     unstable : ndarray of bool, shape (P,)
-        Whether the solver finds an equilibrium in all load cases, but the material is unstable in at least one of them.
+        Whether the material is unstable in a load case.
     max_stretch : ndarray, shape (P,)
-        Largest stretch in the beam over all load cases.
+        Largest stretch in the beam.
     shapes : tuple of Shapes
-        Simulated shapes of the beam in each experiment. Empty if specimen or loads differ among the simulations.
+        Simulated shapes of the beam in each experiment.
     misfits : tuple of Misfit
-        Distances of measured from simulated points in each experiment.
+        Residuals of each experiment.
     near : tuple of Shapes
-        Shapes in each experiment from which the solver can start for similar parameters.
+        Shapes in each experiment from which the solver can start.
     """
 
     unconverged: NDArray[np.bool_]
@@ -189,26 +175,17 @@ class Comparison:
 
     @property
     def error_mm(self) -> Array:
-        """Root mean square distance of measured from simulated points in mm, shape (P, K).
-
-        There are P simulations with K load cases.
-        """
+        """Root mean square distance of the points in mm, in P simulations and K load cases, shape (P, K)."""
         return np.concatenate([misfit.error_mm for misfit in self.misfits], axis=1)
 
     @property
     def deviation_mm(self) -> Array:
-        """Standard deviation of the absolute distances of measured from simulated points in mm, shape (P, K).
-
-        There are P simulations with K load cases.
-        """
+        """Standard deviation of the absolute distances in mm, in P simulations and K load cases, shape (P, K)."""
         return np.concatenate([misfit.deviation_mm for misfit in self.misfits], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """Mean over all load cases of the root mean square distance of measured from simulated points, in mm, (P,).
-
-        It is 10^6 mm for a simulation without an equilibrium or with an unstable material.
-        """
+        """Mean of ``error_mm`` over all load cases in mm, shape (P,)."""
         return np.where(self.unconverged | self.unstable, DISCARDED_MM, self.error_mm.mean(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Comparison:
@@ -224,19 +201,7 @@ class Comparison:
 
 
 def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
-    """Join the results of several groups of simulations.
-
-    Parameters
-    ----------
-    parts : sequence of (ndarray, Comparison)
-        For each group, the indices of its simulations among all simulations, and their results.
-
-    Returns
-    -------
-    Comparison
-        The results of all simulations in the order of their indices. The shapes of the beam are omitted if there are
-        several groups.
-    """
+    """Join the results of several groups of simulations, each with the indices of its simulations."""
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([rows for rows, _ in parts]))
@@ -249,7 +214,7 @@ def joined(parts: Sequence[tuple[NDArray[np.intp], Comparison]]) -> Comparison:
         unconverged=in_order(c.unconverged for c in comparisons),
         unstable=in_order(c.unstable for c in comparisons),
         max_stretch=in_order(c.max_stretch for c in comparisons),
-        shapes=(),
+        shapes=(),  # specimen or loads may differ among the groups
         misfits=tuple(
             joined_misfits(misfits).take(order) for misfits in zip(*(c.misfits for c in comparisons), strict=True)
         ),
@@ -268,33 +233,22 @@ def compare(
     keep: bool = False,
     seen: Sequence[tuple[NDArray[np.intp], Sequence[Mapping[str, Array]]]] = (),
 ) -> Comparison:
-    """Simulate all experiments with several sets of parameters, and compute the distances from the measurements.
+    """Simulate all experiments with P sets of the law's parameters, and compute the distances from the measurements.
 
     Parameters
     ----------
-    law : Law
-        The hyperelastic law.
     parameters : ndarray, shape (P, n)
         P sets of the n parameters, in the order and units of the law.
-    experiments : sequence of Experiment
-        The experiments.
     bulk_modulus_Pa : ndarray, shape (P,), optional
-        Bulk moduli in Pa; the material is incompressible by default.
+        Bulk moduli in Pa; by default the material is incompressible.
     setups : sequence of Setup, optional
-        For each experiment, the errors of the strength of the field and of the camera for the P sets; none by default.
+        For each experiment, errors of the field strength and of the camera.
     near : sequence of Shapes
-        For each experiment, shapes from an earlier call with ``keep``, from which the solver starts.
+        For each experiment, shapes from which the solver starts.
     keep : bool
-        Keep the full solution of the first set of parameters, from which the solver can start in another call.
+        Keep the solution of the first set, for ``near`` in another call.
     seen : sequence of (ndarray, sequence of mapping), optional
-        Groups of parameter sets with the same position of the lens. Each group has the indices of its sets, and one
-        mapping for each experiment from a property of the lens to its deviation from the specified value. By default
-        the lens has its specified position in all sets.
-
-    Returns
-    -------
-    Comparison
-        The results of the P simulations.
+        Groups of sets with one position of the lens: indices of the sets, and errors of the lens in each experiment.
     """
     all_shapes, misfits = [], []
     unconverged, unstable = np.zeros((2, len(parameters)), bool)

@@ -1,20 +1,10 @@
 """Compute the distances of measured edges and tracked points from simulated edges and points.
 
-In load case k, N_k points were measured. Let d_ki be the distance in mm of the measured point i from the simulated edge
-on the same side of the beam. For a tracked point, d_ki is its distance from its simulated position. Error and deviation
-of load case k, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
+Let d_ki be the distance in mm of the measured point i in load case k, which has N_k points. Error and deviation of load
+case k, both in mm, are adapted from Eqs 9-11 of Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
 
     error_k     = sqrt(sum_i d_ki^2 / N_k)
     deviation_k = sqrt(error_k^2 - (sum_i |d_ki| / N_k)^2)
-
-The error of a fit is the mean of error_k over the load cases.
-
-A distance from an edge is positive on the left side of the edge and negative on the right side. A measured point may
-lie beyond the end of its simulated edge, for example if the beam is a little longer than specified. Each edge is
-therefore continued straight beyond both ends by a twentieth of its length. Without the continuation, the distance would
-be measured from the end of the edge, and would jump from positive to negative between the two sides of the edge. In one
-load case, such a jump made the derivatives of the residuals about four times too large, and the interval of the modulus
-a third as wide as it should be.
 """
 
 from __future__ import annotations
@@ -31,6 +21,11 @@ from eimi_fitting.beam.view import View
 from eimi_fitting.inference.evidence.unknowns import Setup
 
 Array = NDArray[np.float64]
+# A measured point may lie beyond the end of its simulated edge, for example if the beam is a little longer than
+# specified. Without a straight continuation of the edge, the distance would be measured from the end of the edge, and
+# would jump from positive to negative between the two sides of the edge. In one load case, such a jump made the
+# derivatives of the residuals about four times too large, and the interval of the modulus a third as wide as it should
+# be.
 _CONTINUED = 0.05  # length of the straight continuation of an edge, as a share of the length of the edge
 _STATES_AT_ONCE = 16
 """Number of states that are compared in one block, because the arrays of more states exceed the processor's cache."""
@@ -55,14 +50,14 @@ def signed_distance(curves: Array, points: Array) -> Array:
     Parameters
     ----------
     curves : ndarray, shape (..., S, 3, 2)
-        Curves of S parabolic segments from clamp to tip. Each segment has three points, and each point x and y in mm.
+        Curves of S parabolic segments with three points each, x and y in mm.
     points : ndarray, shape (..., n, 2)
-        n points for each curve, each with x and y in mm.
+        n points for each curve, x and y in mm.
 
     Returns
     -------
     ndarray, shape (..., n)
-        Distances in mm, positive to the left of the direction from clamp to tip.
+        Distances in mm, positive to the left of the curve.
     """
     alone = np.broadcast_shapes(curves.shape[:-3], points.shape[:-2])
     curves = np.broadcast_to(curves, (*alone, *curves.shape[-3:])).reshape(-1, *curves.shape[-3:])
@@ -77,7 +72,7 @@ def signed_distance(curves: Array, points: Array) -> Array:
 
 
 def _signed_distance(curves: Array, points: Array) -> Array:
-    """Return the signed distances of points from curves in mm, positive to the left of the direction of the curve."""
+    """Return the signed distances of points from curves in mm, positive to the left of the curve."""
     stations = points_on(curves, 4)
     segments = curves.shape[-3]
     # |p - v|² - |p|² has its minimum at the nearest station. It is one product of (x, y, 1) and (-2 x, -2 y, |v|²).
@@ -91,10 +86,8 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     first, middle, last = np.moveaxis(curves, -2, 0)
 
     def of_nearest(of_segment: Array) -> tuple[Array, Array]:
-        """Return x and y of a vector that belongs to a segment, for the segment nearest to each point.
-
-        of_segment: one vector (x, y) for each segment of each curve, such as the tangent in its middle.
-        """
+        """Select the vector (x, y) of the nearest segment for each point."""
+        # ``of_segment`` contains one vector for each segment, such as the tangent in its middle.
         # two arrays, because operations on an axis of length two are slower
         x, y = (np.take_along_axis(of_segment[..., i], segment, axis=-1) for i in range(2))
         return x, y
@@ -105,10 +98,8 @@ def _signed_distance(curves: Array, points: Array) -> Array:
     from_x, from_y = from_x - points[..., 0], from_y - points[..., 1]
 
     def gap_and_tangent(xi: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the vector from each point to the curve at the parameter ``xi`` of its segment, and the tangent there.
-
-        The four arrays are x and y of the vector, then x and y of the tangent.
-        """
+        """Return the vector from each point to the curve, and the tangent of the curve there."""
+        # ``xi`` is the position on the nearest segment, from -1 to 1.
         tangent_x, tangent_y = slope_x + xi * bend_x, slope_y + xi * bend_y
         gap_x = from_x + xi * (slope_x + 0.5 * xi * bend_x)
         gap_y = from_y + xi * (slope_y + 0.5 * xi * bend_y)
@@ -136,15 +127,13 @@ class Misfit:
     Parameters
     ----------
     residuals : ndarray, shape (P, K, G, n)
-        Signed residuals in mm of G groups of n points. The groups are the left and the right edge, or x and y of
-        tracked points.
+        Signed residuals in mm of n points in G groups: the two edges, or x and y of tracked points.
     weights : ndarray, shape (K, G, n)
-        Zero for a point that was not measured, else 1 for a point of an edge and 1/2 for each of x and y of a tracked
-        point.
+        1 for a point of an edge, 1/2 for a coordinate of a tracked point, 0 for an unused point.
     error_mm : ndarray, shape (P, K)
         Root mean square of the distances in mm.
     deviation_mm : ndarray, shape (P, K)
-        Standard deviation of the absolute values of the distances in mm.
+        Standard deviation of the absolute distances in mm.
     """
 
     residuals: Array
@@ -158,7 +147,7 @@ class Misfit:
 
 
 def joined_misfits(misfits: Sequence[Misfit]) -> Misfit:
-    """Join the distances of the same measured points for several groups of parameter sets."""
+    """Join the distances of several groups of parameter sets."""
     return Misfit(
         residuals=np.concatenate([misfit.residuals for misfit in misfits]),
         weights=misfits[0].weights,
@@ -237,20 +226,12 @@ class EdgeObservation:
 
         Parameters
         ----------
-        model : Model
-            The beam model that was solved.
         shapes : Shapes
             Simulated shapes of the beam for P sets of parameters and K load cases.
         setup : Setup, optional
-            Errors of the camera for each set of parameters, which are removed from the measured points; none by
-            default.
+            Errors of the camera.
         change : ndarray, shape (K, 2, n), optional
-            Correction in mm for the error of ``model``, which is added to the distances.
-
-        Returns
-        -------
-        Misfit
-            The distances in mm, their root mean square and the standard deviation of their absolute values.
+            Correction of the distances in mm.
         """
         weights = np.isfinite(self.sigma_mm).astype(float)
         distances = []
@@ -318,21 +299,12 @@ class PointObservation:
 
         Parameters
         ----------
-        model : Model
-            The beam model that was solved.
         shapes : Shapes
             Simulated shapes of the beam for P sets of parameters and K load cases.
         setup : Setup, optional
-            Errors of the camera for each set of parameters, which are removed from the measured points; none by
-            default.
+            Errors of the camera.
         change : ndarray, shape (K, 2, n), optional
-            Correction in mm for the error of ``model``, which is added to the differences.
-
-        Returns
-        -------
-        Misfit
-            The differences in mm in two groups, x and y, with the root mean square and the standard deviation of the
-            distances.
+            Correction of x and y in mm.
         """
         k_states, n, _ = self.rest_mm.shape
         rest = self.rest_mm.reshape(-1, 2)
@@ -348,7 +320,7 @@ class PointObservation:
         return self.of_residuals(residuals if change is None else residuals + change)
 
     def of_residuals(self, residuals: Array) -> Misfit:
-        """Return position differences (in mm) with the root mean square and the standard deviation of the distances."""
+        """Return position differences in mm with their root mean square and deviation (see `Misfit`)."""
         is_used = np.isfinite(self.sigma_mm).astype(float)
         distance = np.sqrt((residuals**2).sum(axis=2))
         total = np.maximum(is_used.sum(axis=1), 1.0)

@@ -1,18 +1,9 @@
 """Compute the objective of a fit: the quantity in mm that the fit minimises.
 
-Let e_k be the error of load case k in mm (`inference.evidence.measurements`), and e the mean of e_k over all load
-cases. If only edges or tracked points are fitted, the objective is e. Tensile curves and priors increase it:
+    objective = e * exp(sum_j z_j^2 / (2 N))
 
-    objective = e * exp(sum_j z_j^2 / (2 N)).
-
-The z_j are residuals divided by their standard deviations: of tensile curves, of uncertain inputs that are fitted with
-the law (such as the width), and of priors on the law's parameters. N is the number of independent points of the edges.
-It is smaller than the number of points, because neighbours on an edge are correlated (`inference.interval.covariance`).
-
-The formula follows from the likelihood. The likelihood of N independent points with normal noise, maximised over the
-noise level, is proportional to e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of
-tensile curves and priors is exp(-sum_j z_j^2 / 2). The objective is the product of these two likelihoods to the power
--1/N, and is smallest where the product is largest.
+e is the mean error of the load cases in mm (`inference.evidence.measurements`), and N the number of independent points
+of the edges. The z_j are residuals of tensile curves, uncertain inputs and priors, in standard deviations.
 """
 
 from __future__ import annotations
@@ -45,14 +36,13 @@ class Evaluation:
     comparison : Comparison
         Residuals of the measured edges and points.
     curves : ndarray, shape (P, m)
-        Residuals of the m points of all tensile curves, each divided by its standard deviation.
+        Residuals of m points of the tensile curves, in standard deviations.
     priors : ndarray, shape (P, f)
-        Deviations of the f inputs that are fitted with the law, such as the width, from their specified values, divided
-        by their prior standard deviations.
+        Deviations of f fitted inputs, such as the width, in standard deviations of their priors.
     law_priors : ndarray, shape (P, q)
-        Residuals of the q priors on the law's parameters, each divided by its standard deviation.
+        Residuals of q priors on the law's parameters, in standard deviations.
     independent_points : float
-        Number of independent points of the edges, which is the weight of the edges in the objective.
+        Number of independent points of the edges.
     """
 
     comparison: Comparison
@@ -63,25 +53,25 @@ class Evaluation:
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the solver finds no equilibrium in at least one load case, for each set of unknowns, shape (P,)."""
+        """Whether a load case has no equilibrium, for each set of unknowns, shape (P,)."""
         return self.comparison.unconverged
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material is unstable in at least one load case, for each set of unknowns, shape (P,)."""
+        """Whether the material is unstable in a load case, for each set of unknowns, shape (P,)."""
         return self.comparison.unstable
 
     @property
     def standardised(self) -> Array:
-        """The residuals of m tensile points and of all f + q priors, each in standard deviations, (P, m + f + q)."""
+        """The residuals of m tensile points and of f + q priors, in standard deviations, (P, m + f + q)."""
         return np.concatenate([self.curves, self.priors, self.law_priors], axis=1)
 
     @property
     def objective_mm(self) -> Array:
-        """The quantity in mm that a fit minimises, for each set of unknowns, shape (P,).
-
-        It is the mean error of the edges or tracked points, increased by the residuals of tensile curves and priors.
-        """
+        """The quantity in mm that a fit minimises, for each set of unknowns, shape (P,)."""
+        # The likelihood of N independent points with normal noise, maximised over the noise level, is proportional to
+        # e^-N (Seber and Wild 1989, Nonlinear Regression, section 2.2.1). The likelihood of tensile curves and priors
+        # is exp(-sum_j z_j^2 / 2). The objective is the product of the two likelihoods to the power -1/N.
         mean = self.comparison.objective_mm
         x = 0.5 * (self.standardised**2).sum(axis=1) / self.independent_points
         # Beyond x = 5 a straight line continues the exponential, which would overflow.
@@ -96,19 +86,13 @@ class Evaluation:
 
     @property
     def beyond(self) -> NDArray[np.bool_]:
-        """Whether the objective of each set of unknowns has its upper limit, 0.99 * 10^6 mm, shape (P,).
-
-        This occurs if tensile curves and priors contradict the set very strongly.
-        """
+        """Whether the objective is limited to its largest value, for each set of unknowns, shape (P,)."""
+        # Tensile curves and priors contradict such a set very strongly.
         return self.objective_mm == _MOST_MM
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals in mm whose weighted squares the Gauss-Newton steps of a fit minimise.
-
-        There is one element for each experiment. If there are tensile curves or priors, one more element contains their
-        standardised residuals, multiplied by a length that gives them about the same weight as in the objective.
-        """
+        """The residuals of each experiment in mm, then those of tensile curves and priors, for least squares."""
         standardised = self.standardised
         p, m = standardised.shape
         if m == 0:
@@ -133,11 +117,11 @@ class Problem:
     law : Law
         The hyperelastic law.
     unknowns : Unknowns
-        The quantities that the fit determines, with their bounds.
+        The quantities that the fit determines.
     experiments : tuple of Experiment
-        The specimens with their loads and measured edges or points.
+        The specimens with their loads and measurements.
     curves : tuple of TensileEvidence
-        Tensile curves that are fitted together with the experiments.
+        The tensile curves.
     priors : tuple of Prior
         Priors on the law's parameters.
     """
@@ -150,19 +134,14 @@ class Problem:
 
     @property
     def has_more_than_edges(self) -> bool:
-        """Whether the fit uses tensile curves, priors, or uncertain inputs (such as the width) as unknowns."""
+        """Whether the fit uses tensile curves, priors or uncertain inputs."""
         return bool(self.unknowns.freed or self.curves or self.priors)
 
-    def with_own_changes(self, evaluation: Evaluation, before: Problem) -> Evaluation:
-        """Return an evaluation of the problem ``before``, with the corrections of this problem instead of its own.
-
-        ``evaluation`` was computed for ``before``, which differs from this problem only in its corrections. No new
-        simulation is therefore needed. A correction is the change of the residuals (measured minus simulated positions,
-        in mm) by a more exact beam model.
-        """
+    def recorrected(self, evaluation: Evaluation, before: Problem) -> Evaluation:
+        """Replace the corrections of ``before`` in its ``evaluation`` by the corrections of this problem."""
         comparison = evaluation.comparison
         misfits = tuple(
-            experiment.with_own_change(misfit, earlier)
+            experiment.recorrected(misfit, earlier)
             for experiment, misfit, earlier in zip(
                 self.experiments, comparison.misfits, before.experiments, strict=True
             )
@@ -170,12 +149,7 @@ class Problem:
         return replace(evaluation, comparison=replace(comparison, misfits=misfits))
 
     def nearby(self, independent_points: float) -> Callable[[Array, Evaluation | None], Evaluation]:
-        """Return a function that evaluates sets of unknowns from nearby solutions, for the Gauss-Newton steps of a fit.
-
-        The function takes P sets of the n unknowns (P, n) and an earlier evaluation or None. The solver starts from the
-        shapes of the beam in the earlier evaluation. ``independent_points`` is the number of independent edge points,
-        which is the weight of the edges against tensile curves and priors.
-        """
+        """Return a function that evaluates sets of unknowns (P, n), with start values from an earlier evaluation."""
         return lambda units, near: self.evaluate(
             units, independent_points, near=near.comparison.near if near else (), keep=True
         )
@@ -193,24 +167,17 @@ class Problem:
         Parameters
         ----------
         unit : ndarray, shape (P, s) or (P, n)
-            P sets of values, scaled so that the bounds of the search are 0 and 1: all n unknowns, or only the s
-            unknowns of the first search. In the second case uncertain inputs, such as the width, have their specified
-            values.
+            P sets of all n unknowns or of the s unknowns of the law, scaled to 0..1 between their bounds.
         independent_points : float
-            Number of independent edge points.
+            Number of independent points of the edges.
         experiments : sequence of Experiment, optional
-            Experiments that replace the experiments of the problem.
+            Experiments that replace those of the problem.
         near : sequence of Shapes
-            For each experiment, shapes from an earlier call with ``keep`` and the same meshes, from which the solver
-            starts.
+            For each experiment, shapes from which the solver starts.
         keep : bool
-            Keep the full solution of the first set, from which the solver can start in another call.
-
-        Returns
-        -------
-        Evaluation
-            The residuals.
+            Keep the solution of the first set, for ``near`` in another call.
         """
+        # Uncertain inputs that ``unit`` does not contain have their specified values.
         unit = self.unknowns.whole(unit)
         parameters = self.unknowns.parameters(unit)
         used = self.experiments if experiments is None else experiments

@@ -1,13 +1,7 @@
 """Normal priors on the parameters of a hyperelastic law.
 
-A prior with mean m and standard deviation s enters the fit as one more observation (Theil and Goldberger 1961, Int.
-Econ. Rev. 2:65). Its standardised residual is z = (p - m) / s for the parameter p. The smaller the noise of the edges,
-the less the prior changes the fit.
-
-A wrong input, such as a wrong width of the beam, changes the fitted modulus. If the input keeps its specified value in
-the fit, the edges have the same weight as for an exact input, and the prior cannot correct the error. An input whose
-error may have a larger effect than the noise should therefore be fitted together with the law. The prior then also
-helps to determine the input.
+A prior with the mean m and the standard deviation s adds the residual (p - m) / s of the parameter p to a fit (Theil
+and Goldberger 1961, Int. Econ. Rev. 2:65).
 """
 
 from __future__ import annotations
@@ -28,6 +22,8 @@ INITIAL_SHEAR_MODULUS = "initial_shear_modulus"
 """Name of the initial shear modulus in a prior; every law has this modulus besides its parameters."""
 
 
+# A prior cannot correct the error of an input, such as a wrong width, if the input keeps its specified value in the
+# fit. An input whose error may have a larger effect than the noise should therefore be fitted together with the law.
 @dataclass(frozen=True)
 class Prior:
     """A normal prior on one parameter of a hyperelastic law.

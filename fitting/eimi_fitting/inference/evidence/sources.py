@@ -1,9 +1,7 @@
 """The inputs of a simulation that may be uncertain, such as the width of the specimen: one entry for each input.
 
-An input is a source of uncertainty if a file specifies a standard uncertainty for it. It then has one of two
-treatments. It is fitted together with the law as one more unknown (`inference.evidence.unknowns`), or it keeps its
-specified value and its uncertainty widens the intervals of the result (`inference.interval.considered`). The entries
-also define the keys in files, the options of commands and the names in reports.
+An input is uncertain if a file specifies its standard uncertainty. Either a fit determines the input together with the
+law, or the uncertainty widens the intervals of the result.
 """
 
 from __future__ import annotations
@@ -32,40 +30,36 @@ File = Literal["specimen", "calibration", "rig"]
 class Source:
     """An input of a simulation that may be uncertain, such as the width or the background field, and its effect.
 
-    An input has one or more components (parts), such as x and y. P simulations with different values are done at once.
-
     Parameters
     ----------
     words : str
         Name of the input in texts.
     parts : tuple of str
-        Names of the components in a result.
+        Names of its components, such as x and y, in a result.
     unit : str
-        Unit of all components; ``"1"`` for a relative deviation from the specified value.
+        Unit of the components; ``"1"`` for a relative deviation.
     largest : float
-        Largest standard deviation that is accepted, in ``unit``.
+        Largest accepted standard deviation, in ``unit``.
     usual : float
-        Standard deviation that is usual in a laboratory, in ``unit``.
+        Usual standard deviation in a laboratory, in ``unit``.
     is_decisive : bool
-        Whether a fit reports the effect of the usual standard deviation if no file specifies the uncertainty.
+        Whether a fit reports the effect of the usual standard deviation.
     is_even : bool
-        Whether the effect of the input is the same in a reversed field.
+        Whether the effect is equal in a reversed field.
     common : bool
-        Whether all datasets have the same error of the input, if no file specifies which datasets share it.
+        Whether all datasets have one error of the input by default.
     covers : tuple of str
-        Other inputs with the same effect, which are ignored if the fit determines this input.
+        Inputs with an equal effect.
     stated_in : str or None
-        The file that specifies the uncertainty: "specimen", "calibration" or "rig"; None if no file specifies it.
+        The file that specifies the uncertainty: "specimen", "calibration" or "rig".
     key : str
-        Key of the input in the file ``stated_in``, with the unit.
+        Key of the input in this file.
     field : callable, optional
-        Takes P deviations from the specified value (P, parts) and returns the factors (P,) on the magnetic loads.
+        Converts P deviations (P, parts) to factors (P,) on the magnetic loads.
     image : callable, optional
-        Takes P deviations (P, parts) and returns the matrices (P, 2, 2) and the shifts (P, 2) in mm that map a true
-        position to its position in the image.
+        Converts P deviations (P, parts) to maps to the image: matrices (P, 2, 2) and shifts (P, 2) in mm.
     specimen, loads, lens : callable, optional
-        Three functions. Each takes the specified specimen, loads or view of the lens, and one deviation (parts,), and
-        returns the changed specimen, loads or view.
+        Change the specimen, the loads or the view of the lens by one deviation (parts,).
     """
 
     words: str
@@ -86,20 +80,15 @@ class Source:
     lens: Callable[[View, Array], View] | None = None
 
     @property
-    def bends(self) -> bool:
-        """Whether an error of this input changes specimen, view of the lens, or loads by more than a common factor.
-
-        `Experiment.under` applies such an error. `Setup` describes all other errors: a factor on the magnetic loads, or
-        a shift, rotation or scale of the image.
-        """
+    def changes_experiment(self) -> bool:
+        """Whether `Experiment.under` applies an error of this input, to the specimen, the loads or the lens."""
+        # `Setup` describes all other errors: a factor on the magnetic loads, or a shift, rotation or scale of the
+        # image.
         return any((self.specimen, self.loads, self.lens))
 
     @property
     def changes_shapes(self) -> bool:
-        """Whether an error of this input changes the shape of the beam, so that a new simulation is needed.
-
-        Any other error changes only the image of the beam.
-        """
+        """Whether an error of this input changes the shape of the beam."""
         return any((self.specimen, self.loads, self.field))
 
 
@@ -112,10 +101,9 @@ class StatedSource:
     source : str
         Name of the input, such as "width".
     standard_uncertainty : float
-        Standard uncertainty in the unit of the input; 0 for an exact value.
+        Standard uncertainty in the unit of the input.
     of : str
-        Name of the object to which the input belongs, such as a coil or a specimen. Datasets with the same object have
-        the same error of the input.
+        Name of the object to which the input belongs, such as a coil.
     """
 
     source: str
@@ -155,19 +143,20 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads after a change of the beam's direction in the image by an angle in degrees."""
+    """Return the loads with gravity, tip forces and field rotated by a negative angle."""
+    # The angle, in degrees, is a change of the beam's direction in the image. The loads are relative to the beam.
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 
 def _field_offset(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional field in mT in all load cases, in the direction of the strongest field."""
+    """Return the loads plus a field in mT in the direction of the strongest field."""
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
     return replace(loads, field_T=loads.field_T + 1e-3 * deviation[0] * strongest / size) if size else loads
 
 
 def _background_field(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with an additional uniform field (x, y) in mT that does not depend on the current."""
+    """Return the loads plus a uniform field (x, y) in mT in all load cases."""
     return loads.plus(UniformField(np.tile(1e-3 * deviation, (len(loads), 1))))
 
 
@@ -176,14 +165,10 @@ def with_gradient(loads: Loads, added_per_m: Array, curvature_per_m2: float = 0.
 
     Parameters
     ----------
-    loads : Loads
-        The loads. They are returned unchanged if they contain no field.
     added_per_m : ndarray, shape (2,)
-        Changes of the gradients along (x) and across (y) the straight beam, in 1/m. A gradient is the relative change
-        of the field strength per metre.
+        Changes of the gradient of the relative field strength along and across the straight beam, in 1/m.
     curvature_per_m2 : float
-        Change of the curvature, in 1/m². The curvature is half of the second derivative of the relative field strength
-        along the coil axis.
+        Change of half the second derivative of the relative field strength along the coil axis, in 1/m².
     """
     strongest = loads.field_T[np.argmax(np.linalg.norm(loads.field_T, axis=1))]
     size = float(np.linalg.norm(strongest))
@@ -411,10 +396,9 @@ SOURCES: dict[str, Source] = {
 
 
 def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specimen:
-    """Return the specimen with deviations of its dimensions and material properties from the specified values.
+    """Return the specimen with changed dimensions and material properties.
 
-    deviations: for the name of each changed input, such as "width", the deviations in the unit of the input. Inputs
-    that do not belong to the specimen are ignored.
+    deviations: deviations (parts,) from the specified values, by the name of the input, such as "width".
     """
     specimen = before
     for key, deviation in deviations.items():
@@ -428,10 +412,9 @@ def specimen_under(before: Specimen, deviations: Mapping[str, Array]) -> Specime
 
 
 def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
-    """Return the loads with deviations of gravity and field from the specified values.
+    """Return the loads with changed gravity and field.
 
-    deviations: for the name of each changed input, such as "gravity", the deviations in the unit of the input. Inputs
-    that do not belong to the loads are ignored.
+    deviations: deviations (parts,) from the specified values, by the name of the input, such as "gravity".
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].loads:
@@ -440,10 +423,9 @@ def loads_under(loads: Loads, deviations: Mapping[str, Array]) -> Loads:
 
 
 def view_under(view: View, deviations: Mapping[str, Array]) -> View:
-    """Return the view of the lens with deviations of its distance and tilt from the specified values.
+    """Return the view of the lens with a changed distance and tilt.
 
-    deviations: for the name of each changed input, such as "tilt", the deviations in the unit of the input. Inputs that
-    do not belong to the lens are ignored.
+    deviations: deviations (parts,) from the specified values, by the name of the input, such as "tilt".
     """
     for key, deviation in deviations.items():
         if change := SOURCES[key].lens:

@@ -1,14 +1,11 @@
-"""Tensile curves (stress against strain) as additional data in a fit to measured edges.
+"""Tensile curves (stress against strain) as data in a fit to measured edges.
 
-The law with n parameters is first fitted to the m points of the curve alone. The sum Q of the squared residuals of this
-fit gives the standard deviation of the noise, s = sqrt(Q / (m - n)), which is at least 1e-4 of the largest stress.
-Neighbouring residuals are correlated, so that tau points count as one independent point (`eimi_fitting.correlation`).
-In a joint fit with edges, point i with the residual r_i in Pa has the standardised residual
+A fit of the law to the curve alone gives the standard deviation s of the noise. tau neighbouring points count as one
+independent point. Point i with the residual r_i in Pa has the standardised residual
 
     z_i = sqrt(w / tau) r_i / s
 
-with the weight w of the curve, 1 by default. The m points then count as w m / tau independent points. A curve that the
-law cannot describe has a large s and therefore little effect.
+with the weight w of the curve.
 """
 
 from __future__ import annotations
@@ -64,9 +61,9 @@ class TensileEvidence:
     curve : TensileCurve
         The curve.
     noise_Pa : float
-        Standard deviation of the noise in Pa, from a fit of the law to this curve alone.
+        Standard deviation of the noise in Pa.
     correlation_rows : float
-        Number of neighbouring points of the curve that count as one independent point.
+        Number of neighbouring points that count as one independent point.
     """
 
     curve: TensileCurve
@@ -75,19 +72,7 @@ class TensileEvidence:
 
     @staticmethod
     def of(curve: TensileCurve, model: str) -> TensileEvidence:
-        """Estimate the noise of a tensile curve from the fit of a law to this curve alone.
-
-        Parameters
-        ----------
-        curve : TensileCurve
-            The curve.
-        model : str
-            Name of the law, a key of `LAWS`.
-
-        Returns
-        -------
-        TensileEvidence
-            The curve with its noise.
+        """Estimate the noise of a tensile curve from the fit of the law with the name ``model`` to this curve.
 
         Raises
         ------
@@ -98,6 +83,8 @@ class TensileEvidence:
         if largest == 0.0:
             raise CannotFit("every stress is zero, but a fit needs stresses that are not zero")
         alone = fit_tensile(LAWS[model], curve.strain, curve.stress_Pa)
+        # The noise is sqrt(Q / (m - n)) for the sum Q of the squared residuals, m points and n parameters. A curve that
+        # the law cannot describe has a large noise and therefore little effect.
         freedom = max(alone.rows - len(alone.parameters), 1)
         noise = max(alone.rmse_Pa * np.sqrt(alone.rows / freedom), _FLOOR * largest)
         return TensileEvidence(curve, float(noise), alone.correlation_rows)

@@ -1,12 +1,8 @@
 """The unknowns of a fit: the parameters of the hyperelastic law, the bulk modulus and uncertain inputs.
 
-An uncertain input, such as the width of the specimen (`inference.evidence.sources`), either keeps its specified value
-in the fit or is freed, which means that it is fitted together with the law. Its deviation from the specified value is
-then an unknown (a nuisance parameter) with a normal prior of mean 0, which enters the fit as one more observation
-(Theil and Goldberger 1961, Int. Econ. Rev. 2:65).
-
-Each unknown is scaled to a coordinate u from 0 to 1. A deviation with the prior standard deviation s is 12 s (u - 1/2):
-u = 0 and u = 1 are 6 standard deviations (the constant `RANGE`) below and above the specified value.
+The unknown of an input is its deviation from the specified value. It has a normal prior with the mean 0 and the
+standard deviation s (Theil and Goldberger 1961, Int. Econ. Rev. 2:65). Each unknown is scaled to a coordinate u from 0
+to 1; the deviation of an input is 12 s (u - 1/2).
 """
 
 from __future__ import annotations
@@ -67,7 +63,7 @@ class NuisancePrior:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """The deviation of an input from its specified value, as an unknown that is fitted together with the law.
+    """The deviation of an input from its specified value, as an unknown of a fit.
 
     Parameters
     ----------
@@ -76,9 +72,9 @@ class Nuisance:
     source : str
         Name of the input, such as "width".
     part : int
-        Index of the component of this input, such as 1 for y.
+        Index of the component, such as 1 for y.
     datasets : tuple of int
-        Indices of the datasets in which the deviation is the same, counted from 0.
+        Indices of the datasets with this deviation.
     spread : float
         Standard deviation of the prior, in the unit of the input.
     """
@@ -106,10 +102,9 @@ class Setup:
     Parameters
     ----------
     field_factor : ndarray, shape (P,)
-        Factor on the magnetic loads; 1 for the specified field.
+        Factor on the magnetic loads.
     linear, shift_mm : ndarray, shape (P, 2, 2) and (P, 2)
-        Map from a true position (x, y) of a point of the beam to its position in the image, both in mm: ``linear``
-        times the true position, plus ``shift_mm``.
+        The position in the image is ``linear`` times the true position (x, y), plus ``shift_mm``, in mm.
     """
 
     field_factor: Array
@@ -118,20 +113,14 @@ class Setup:
 
     @staticmethod
     def of(deviations: Iterable[tuple[str, int, Array | float]], candidates: int) -> Setup:
-        """Return the effect of errors of inputs on the field strength and on the positions in the camera's image.
+        """Return the factor on the magnetic loads and the map to the camera's image, from errors of inputs.
 
         Parameters
         ----------
         deviations : iterable of (str, int, ndarray or float)
-            Each element is the name of an input such as "clamp", the index of one of its components (1 for y), and the
-            error of this component in its unit: shape (P,), or one value for all sets of unknowns.
+            Name of an input, index of its component (1 for y), and its error in P sets of unknowns, shape (P,).
         candidates : int
-            P, the number of sets of unknowns.
-
-        Returns
-        -------
-        Setup
-            The factor on the magnetic loads, and the map from true positions to positions in the image.
+            P.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -164,9 +153,9 @@ class Setup:
 
 
 def freed_number(name: str) -> tuple[str, int]:
-    """Return the uncertain input and the index of its component, from the name of a fitted deviation in a result.
+    """Return the uncertain input and the index of its component, from the name of an unknown in a result.
 
-    For example, "clamp y of dataset 0" gives the input "clamp" and the index 1.
+    For example, "clamp y of dataset 0" gives "clamp" and 1.
 
     Raises
     ------
@@ -179,16 +168,16 @@ def freed_number(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """An uncertain input, and a group of datasets that have the same error of this input.
+    """An uncertain input with one error for a group of datasets.
 
     Parameters
     ----------
     source : str
         Name of the input, such as "width".
     datasets : tuple of int
-        Indices of the datasets, counted from 0.
+        Indices of the datasets.
     standard_uncertainty : float or None
-        Standard uncertainty in the unit of the input; None if no file specifies it.
+        Standard uncertainty in the unit of the input.
     """
 
     source: str
@@ -198,9 +187,9 @@ class SharedUnknowns:
     def part_name(self, part: int, datasets: int) -> str:
         """Return the name of one component of this input in a result, such as "clamp y of datasets 0 and 2".
 
-        ``part`` is the index of the component. ``datasets`` is the number of all datasets of the fit; the name contains
-        no datasets if all of them have the same error of the input.
+        ``part`` is the index of the component, and ``datasets`` the number of datasets of the fit.
         """
+        # The name contains no datasets if all of them have the same error.
         name = SOURCES[self.source].parts[part]
         if len(self.datasets) == datasets:
             return name
@@ -209,21 +198,16 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Divide the datasets of a fit into groups; an uncertain input has the same error in all datasets of a group.
+    """Divide the datasets of a fit into groups; an input has one error in all datasets of a group.
 
     Parameters
     ----------
     source : str
         Name of the input, such as "width".
     stated : sequence of sequence of StatedSource
-        For each dataset, the uncertainties that its files specify.
-
-    Returns
-    -------
-    tuple of SharedUnknowns
-        One element for each group. Datasets whose files specify the same object for the input, such as the same coil,
-        form a group.
+        The uncertainties that the files of each dataset specify.
     """
+    # Datasets whose files specify the same object for the input, such as the same coil, form a group.
     groups: dict[str, list[int]] = {}
     sizes: dict[str, float | None] = {}
     for index, of_dataset in enumerate(stated):
@@ -243,22 +227,16 @@ def nuisances(
     Parameters
     ----------
     priors : sequence of NuisancePrior
-        The inputs that are fitted together with the law, with their prior standard deviations.
+        The inputs, with their prior standard deviations.
     datasets : int
-        How many datasets the fit has.
+        Number of datasets.
     stated : sequence of sequence of StatedSource, optional
-        For each dataset, the uncertainties that its files specify; none by default.
-
-    Returns
-    -------
-    tuple of Nuisance
-        For each input, one unknown for each component (such as x and y) and each group of datasets with the same error.
+        The uncertainties that the files of each dataset specify.
 
     Raises
     ------
     ValueError
-        If a prior has no standard deviation, and a dataset specifies no uncertainty of the input or an uncertainty of
-        0.
+        If an input has no standard deviation above 0.
     """
     freed: list[Nuisance] = []
     for prior in priors:
@@ -278,16 +256,16 @@ def nuisances(
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The unknowns of a fit: parameters of the law, the bulk modulus if it is unknown, and uncertain inputs.
+    """The unknowns of a fit: parameters of the law, the bulk modulus and uncertain inputs.
 
-    Each of the n unknowns is scaled to a coordinate from 0 to 1. P sets of values are an array of shape (P, n).
+    P sets of values of the n unknowns are an array of shape (P, n), scaled to 0..1.
 
     Parameters
     ----------
     space : SearchSpace
-        The coordinates of the law and, if it is unknown, of the bulk modulus.
+        The unknowns of the law and the bulk modulus.
     freed : tuple of Nuisance
-        The deviations of uncertain inputs, such as the width, that are fitted together with the law.
+        The deviations of uncertain inputs, such as the width.
     """
 
     space: SearchSpace
@@ -295,7 +273,7 @@ class Unknowns:
 
     @property
     def searched(self) -> int:
-        """How many unknowns the first search varies: those of the law, and the bulk modulus if it is unknown."""
+        """The number of unknowns of the law, with the bulk modulus."""
         return len(self.space.names)
 
     @property
@@ -314,20 +292,15 @@ class Unknowns:
 
     @property
     def prior(self) -> Array:
-        """The inverse prior variance of each of the n scaled unknowns, shape (n,).
-
-        The prior of an unknown of the law has the variance of a uniform distribution between the bounds of the search.
-        """
+        """The inverse prior variance of each of the n scaled unknowns, shape (n,)."""
+        # An unknown of the law has the variance of a uniform distribution between the bounds of the search.
         precision = np.full(len(self.names), 1 / _BOUNDS_VARIANCE)
         # the coordinate of an uncertain input covers 2 RANGE prior standard deviations
         precision[self.searched :] = (2 * RANGE) ** 2
         return precision
 
     def whole(self, unit: Array) -> Array:
-        """Return P sets of all n unknowns, (P, n), from sets that may contain the law's unknowns only.
-
-        Missing uncertain inputs get their specified values.
-        """
+        """Return P sets of all n unknowns, (P, n), with specified values of missing uncertain inputs."""
         unit = np.atleast_2d(unit)
         missing = len(self.names) - unit.shape[1]
         return np.concatenate([unit, np.full((len(unit), missing), 0.5)], axis=1)
@@ -337,7 +310,7 @@ class Unknowns:
         return self.space.parameters(unit[:, : self.searched])
 
     def bulk_modulus_Pa(self, unit: Array) -> Array | None:
-        """Return the bulk moduli (P,) in Pa from P sets of scaled unknowns (P, n); None if there is no such unknown."""
+        """Return the bulk moduli (P,) in Pa from P sets of scaled unknowns (P, n)."""
         return self.space.bulk_modulus_Pa(unit[:, : self.searched])
 
     def standardised(self, unit: Array) -> Array:
@@ -345,10 +318,7 @@ class Unknowns:
         return np.asarray(2 * RANGE * (unit[:, self.searched :] - 0.5))
 
     def setups(self, unit: Array, datasets: int) -> list[Setup] | None:
-        """Return the errors of field strength and camera in each dataset, for P sets (P, n) of scaled unknowns.
-
-        The result is None if no uncertain input is fitted.
-        """
+        """Return the errors of field strength and camera in each dataset, for P sets (P, n) of scaled unknowns."""
         if not self.freed:
             return None
         values = [(n, n.value(unit[:, column])) for column, n in enumerate(self.freed, self.searched)]
@@ -358,40 +328,23 @@ class Unknowns:
         ]
 
     def bent(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group sets of unknowns so that all sets of a group have the same specimen and the same loads up to a factor.
-
-        One call of the solver then simulates a whole group. The factor multiplies the magnetic loads.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (P, n)
-            P sets of the n unknowns, scaled to 0 to 1.
-        datasets : int
-            How many datasets the fit has.
+        """Group P sets of scaled unknowns (P, n) by their errors of specimen and loads.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets, and one dictionary for each dataset. A key is the name of an input,
-            such as "width", and its value the deviations of the input's components from the specified values.
+            For each group, the indices of its sets; for each dataset, the deviations (parts,) by input.
         """
-        return self._grouped(unit, datasets, lambda source: source.bends and source.lens is None)
+        # One call of the solver simulates a whole group, with a factor on the magnetic loads for each set.
+        return self._grouped(unit, datasets, lambda source: source.changes_experiment and source.lens is None)
 
     def seen(self, unit: Array, datasets: int) -> list[tuple[Rows, list[dict[str, Array]]]]:
-        """Group sets of unknowns so that distance and tilt of the camera's lens are the same in each group.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (P, n)
-            P sets of the n unknowns, scaled to 0 to 1.
-        datasets : int
-            How many datasets the fit has.
+        """Group P sets of scaled unknowns (P, n) by their errors of the lens: distance and tilt.
 
         Returns
         -------
         list of (ndarray, list of dict)
-            For each group, the indices of its sets, and one dictionary for each dataset. A key is a property of the
-            lens, such as "tilt", and its value the deviations of its components from the specified values.
+            For each group, the indices of its sets; for each dataset, the deviations (parts,) by input.
         """
         return self._grouped(unit, datasets, lambda source: source.lens is not None)
 

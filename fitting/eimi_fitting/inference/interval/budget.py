@@ -1,13 +1,8 @@
 """Compute the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
-An uncertain input is an input of the simulation with a specified standard uncertainty, such as the width of the beam.
-Let x be the fitted values of the unknowns, d_s their change for an error of input s of one standard uncertainty
-(`inference.interval.considered`), and mu(x) the initial shear modulus. The effect of the input is
+An error of input s of one standard uncertainty changes the fitted unknowns x by d_s. Its effect on the modulus mu(x) is
 
     effect_s = 100 * |mu(x + d_s) - mu(x - d_s)| / (2 mu(x)) per cent.
-
-An input may have several components, such as x and y of the clamp. Its effect is then the root of the sum of the
-squared effects of the components.
 """
 
 from __future__ import annotations
@@ -40,9 +35,9 @@ class BudgetEntry:
     unit : str
         Unit of the input.
     datasets : tuple of int
-        Indices of the datasets that have the same error of this input, counted from 0.
+        Indices of the datasets with this input.
     effect_percent : float
-        Standard deviation of the initial shear modulus due to this input alone, in per cent of the modulus.
+        Standard deviation of the modulus due to this input alone, in per cent.
     """
 
     source: str
@@ -64,8 +59,7 @@ class MeasureNext:
     words : str
         Full name of the quantity, such as "magnetic moment".
     initial_shear_modulus_interval_95_Pa : tuple of float
-        Lower and upper end of the 95 % interval of the initial shear modulus in Pa if the uncertainty of this quantity
-        were halved.
+        95 % interval of the initial shear modulus in Pa for half the uncertainty of this quantity.
     """
 
     source: str | None
@@ -80,15 +74,15 @@ class Moves:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
     noise : ndarray, shape (D, n)
         Errors due to noise, priors and the beam models, scaled as ``unit``.
     deviations : ndarray, shape (D, S)
-        Random errors of the S uncertain inputs, in standard uncertainties.
+        Random errors of S uncertain inputs, in standard uncertainties.
     steps : Steps
         The change of the fitted values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
-        Further errors, such as those due to the test bench, scaled as ``unit``; 0 by default.
+        Errors that widen the interval of the modulus, scaled as ``unit``.
     """
 
     unit: Array
@@ -98,25 +92,18 @@ class Moves:
     further: Array | float = 0.0
 
     def units(self, of_noise: float = 1.0, of_sources: Array | float = 1.0) -> Array:
-        """Return D random draws of the n unknowns: the fitted values plus random errors.
-
-        A factor of 0 omits errors of one kind, and a factor of 0.5 halves them, as a better measurement would.
+        """Return D random draws of the n unknowns, (D, n): the fitted values plus random errors.
 
         Parameters
         ----------
         of_noise : float
             Factor on the errors due to noise, priors and the beam models.
         of_sources : float or ndarray, shape (S,)
-            Factor on the errors of the S uncertain inputs: one for all, or one for each.
-
-        Returns
-        -------
-        ndarray, shape (D, n)
-            The unknowns, scaled so that the bounds of the search are 0 and 1.
+            Factor on the errors of the S uncertain inputs.
         """
         moved = of_noise * self.noise + (of_sources * self.deviations) @ self.steps.sizes
         # Factors of 0 also omit the further errors, so that noise, priors and beam models remain.
-        return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.held + self.further), 0.0, 1.0)
+        return np.clip(self.unit + moved + np.any(of_sources) * (self.steps.without_bounds + self.further), 0.0, 1.0)
 
 
 def budget(
@@ -124,21 +111,7 @@ def budget(
 ) -> tuple[tuple[BudgetEntry, ...], MeasureNext]:
     """Return the effect of each uncertain input on the initial shear modulus, and the quantity to measure next.
 
-    Parameters
-    ----------
-    sources : sequence of ConsideredSources
-        S uncertain inputs, or components of inputs such as x and y of the clamp.
-    moves : Moves
-        Random errors of the n unknowns, with the errors of the S inputs in the order of ``sources``.
-    modulus : callable
-        Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
-
-    Returns
-    -------
-    entries : tuple of BudgetEntry
-        One for each input and each group of datasets with the same error of it, the largest effect first.
-    measure_next : MeasureNext
-        The input with the largest effect, or the edges if noise, priors and beam models together have a larger effect.
+    ``modulus`` converts P sets of unknowns (P, n) to moduli (P,) in Pa.
     """
     entries = budget_entries(sources, moves.unit, moves.steps.sizes, modulus)
     noise = 100 * float(np.std(modulus(moves.units(of_sources=0.0)))) / float(modulus(moves.unit[None])[0])
@@ -157,19 +130,12 @@ def budget_entries(
 
     Parameters
     ----------
-    sources : sequence of ConsideredSources
-        S uncertain inputs, or components of inputs such as x and y of the clamp.
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
     sizes : ndarray, shape (S, n)
-        Change of the fitted values for one standard uncertainty of each input or component, scaled as ``unit``.
+        Change of ``unit`` for one standard uncertainty of each of the S ``sources``.
     modulus : callable
-        Function that returns the initial shear moduli (P,) in Pa for P sets of unknowns (P, n).
-
-    Returns
-    -------
-    tuple of BudgetEntry
-        One for each input and each group of datasets with the same error of it.
+        Converts P sets of unknowns (P, n) to moduli (P,) in Pa.
     """
     ends = modulus(np.clip(unit + np.concatenate([sizes, -sizes]), 0.0, 1.0))
     effect = 50 * np.abs(np.subtract(*np.split(ends, 2))) / float(modulus(unit[None])[0])
@@ -177,6 +143,7 @@ def budget_entries(
     in_group = np.array([[source.shared == group for source in sources] for group in groups]).reshape(
         len(groups), len(sources)
     )
+    # The squared effects of the components of an input, such as x and y of the clamp, add up.
     group_effect = np.sqrt((in_group * effect**2).sum(axis=1))
     return tuple(
         BudgetEntry(

@@ -1,19 +1,11 @@
 """Compute the effect of uncertain inputs on the residuals and on the optimum of a fit.
 
-An uncertain input, such as the width, has a standard uncertainty that a file specifies. An input that is not fitted
-together with the law keeps its specified value in the fit, and an error of this value changes the optimum. Let c_s be
-the change of the residuals for an error of input s of one standard uncertainty, J the derivatives of the residuals in
-the unknowns, W the weights of the residuals, and H the Hessian (`inference.interval.covariance`). The optimum changes
-by
+An error of input s of one standard uncertainty changes the residuals by c_s. With the derivatives J of the residuals in
+the unknowns, the weights W of the residuals and the Hessian H, the optimum changes by
 
     d_s = -inv(H) J' W c_s
 
-and the covariance of the estimate grows by the sum of d_s d_s' over all these inputs (consider covariance: Schmidt
-1966, Adv. Control Syst. 3:293; Tapley, Schutz and Born 2004, Statistical Orbit Determination, section 6.3).
-
-The changes c_s are finite differences at the optimum, computed with the planar model on the coarse mesh of the search.
-Because one standard uncertainty changes the shapes of the beam only a little, the solver starts from the shapes for the
-specified values of the inputs.
+(consider covariance: Schmidt 1966, Adv. Control Syst. 3:293).
 """
 
 from __future__ import annotations
@@ -45,20 +37,18 @@ _TOLERANCE_MM = 1e-3  # the last Newton step is shorter; the remaining error is 
 
 @dataclass(frozen=True)
 class ConsideredSources:
-    """One component of an uncertain input, such as x of the clamp, and the change of the residuals by an error of it.
+    """The change of the residuals by one standard uncertainty of a component of an input, such as x of the clamp.
 
     Parameters
     ----------
     name : str
         Name of the component in a result.
     shared : SharedUnknowns
-        The input, its standard uncertainty, and the datasets with the same error of the input.
+        The input, its standard uncertainty and its datasets.
     part : int
-        Index of the component, such as 1 for y; 0 if the input has only one.
+        Index of the component, such as 1 for y.
     changes : tuple of ndarray or None
-        For each experiment, the change of the residuals in mm for one standard uncertainty, shape (K, G, m): m points
-        on each of G edges (or in x and y) in K load cases. None if the input does not belong to the experiment, or if
-        the solver finds no equilibrium.
+        For each experiment, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m points.
     """
 
     name: str
@@ -78,10 +68,7 @@ class ConsideredSources:
 
 
 def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return the inputs with a specified uncertainty that are not fitted together with the law.
-
-    Their uncertainties widen the intervals of the result. An input with the same effect as a fitted input is omitted.
-    """
+    """Return the inputs with a specified uncertainty that are not fitted together with the law."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     # A fitted input also accounts for inputs with the same effect.
     accounted_for = freed.union(*(SOURCES[source].covers for source in freed))
@@ -96,10 +83,7 @@ def sources_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
-    """Return important inputs for which no file specifies an uncertainty, each with its usual uncertainty.
-
-    The intervals of the result do not contain the effect of these inputs; it is reported separately.
-    """
+    """Return important inputs for which no file specifies an uncertainty, with their usual uncertainties."""
     freed = {nuisance.source for nuisance in problem.unknowns.freed}
     stated = [experiment.stated for experiment in problem.experiments]
     return tuple(
@@ -112,7 +96,8 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether an error of the input can have an effect: it changes the specimen, and a magnetic field acts."""
+    """Return whether the specimen depends on the input and a magnetic field acts."""
+    # Without a field, the direction of magnetisation has no effect.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
     return changed != before and bool(experiment.loads.field_T.any())
@@ -125,17 +110,10 @@ def considered(
 
     Parameters
     ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
     groups : sequence of SharedUnknowns, optional
-        The uncertain inputs; by default all with a specified uncertainty that are not fitted together with the law.
-
-    Returns
-    -------
-    tuple of ConsideredSources
-        One for each component of an input whose effect could be computed in at least one experiment.
+        The uncertain inputs; by default those of `sources_of`.
     """
     chosen = sources_of(problem) if groups is None else groups
     numbers = [(group, part) for group in chosen for part in range(len(SOURCES[group.source].parts))]
@@ -158,19 +136,16 @@ def changes_of(
 
     Parameters
     ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
     unit : ndarray, shape (n,)
-        Values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Values of the n unknowns, scaled to 0..1 between their bounds.
     numbers : sequence of (SharedUnknowns, int)
-        For each deviation, an uncertain input and the index of the component that deviates, such as 1 for y.
+        Each input and the index of its component, such as 1 for y.
 
     Returns
     -------
     list of list
-        One list for each experiment, with one element for each deviation: the change of the residuals in mm, shape (K,
-        G, m), for m points on each of G edges (or in x and y) in K load cases. None if the input does not belong to the
-        experiment, or if the solver finds no equilibrium.
+        For each experiment and input, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m
+        points.
     """
     return [_changes(problem, unit, index, numbers) for index in range(len(problem.experiments))]
 
@@ -192,6 +167,7 @@ def _changes(
     )
     concerned = [(i, number) for i, number in enumerate(numbers) if index in number[0].datasets]
     sizes = [(group.source, part, group.standard_uncertainty or 0.0) for _, (group, part) in concerned]
+    # None if the input does not belong to the experiment
     changes: list[Array | None] = [None] * len(numbers)
     concerned_changes = changes_by(candidate, problem.experiments[index].under(reshaped[index] | seen[index]), sizes)
     for (i, _), change in zip(concerned, concerned_changes, strict=True):
@@ -212,8 +188,7 @@ class Candidate:
     bulk_modulus_Pa : ndarray, shape (1,), or None
         The bulk modulus in Pa; None for an incompressible material.
     freed : tuple of (str, int, float)
-        For each fitted input: its name, the index of a component (such as 1 for y), and the deviation of this component
-        from the specified value in the unit of the input.
+        Name of each fitted input, index of its component (1 for y), and its deviation in the unit of the input.
     """
 
     law: Law
@@ -224,7 +199,7 @@ class Candidate:
 
 @lru_cache(maxsize=8)
 def coarse_model(specimen: Specimen) -> BeamModel:
-    """Return a planar beam model of a specimen with few elements, for fast simulation."""
+    """Return a planar beam model of a specimen with few elements."""
     return BeamModel(specimen, plane=specimen.planar_section)
 
 
@@ -238,22 +213,19 @@ def changes_by(
 
     Parameters
     ----------
-    candidate : Candidate
-        The values of the law's parameters and of the inputs fitted with the law.
-    experiment : Experiment
-        The experiment. Its beam is simulated with a planar model of few elements.
     numbers : sequence of (str, int, float)
-        For each error: the name of the input, the index of the component (such as 1 for y), and the error in the unit
-        of the input.
+        Name of each input, index of its component (1 for y), and the error in the unit of the input.
     near : Configuration, optional
-        Shapes of the beam from which the solver starts, one for each load case.
+        Shapes of the beam from which the solver starts.
 
     Returns
     -------
     list of ndarray or None
-        For each error, the change of the residuals in mm, shape (K, G, m), for m points on each of G edges (or in x and
-        y) in K load cases. None if the solver finds no equilibrium.
+        For each error, the change in mm, shape (K, 2, m): K load cases, two edges (or x and y) and m points.
     """
+    # The changes are finite differences. One standard uncertainty changes the shapes of the beam only a little, so that
+    # the solver starts from the shapes for the specified values of the inputs. A change is None if the solver finds no
+    # equilibrium.
     experiment = replace(experiment, model=coarse_model(experiment.model.specimen), solid=None, change=None)
     as_stated = Setup.of(candidate.freed, 1)
     stated_shapes = _bent(candidate, experiment, as_stated, near)
@@ -265,7 +237,7 @@ def changes_by(
         source = SOURCES[key]
         for step in _STEPS:
             deviation = step * size * np.eye(len(source.parts))[part]
-            deviated = experiment.under({key: deviation}) if source.bends else experiment
+            deviated = experiment.under({key: deviation}) if source.changes_experiment else experiment
             setup = Setup.of([*candidate.freed, (key, part, step * size)], 1)
             shapes = _bent(candidate, deviated, setup, stated_shapes.every) if source.changes_shapes else stated_shapes
             if _in_equilibrium(shapes):
@@ -295,21 +267,18 @@ def _in_equilibrium(shapes: Shapes) -> bool:
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes of the fitted values of n unknowns: by errors of S inputs, and by removing the bounds of the search.
+    """Changes of the fitted values of n unknowns, which are scaled to 0..1 between their bounds.
 
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Change of the fitted values for an error of each input of one standard uncertainty. The values are scaled so
-        that the bounds of the search are 0 and 1.
-    held : ndarray, shape (n,)
-        Change of the fitted values if the bounds of the search were removed, scaled in the same way. It is reduced so
-        that no unknown moves by more than two standard deviations beyond its bound. Zero if no unknown lies on a bound,
-        or if S = 0.
+        Change for an error of each of S inputs of one standard uncertainty.
+    without_bounds : ndarray, shape (n,)
+        Change in a search without bounds.
     """
 
     sizes: Array
-    held: Array
+    without_bounds: Array
 
 
 # Largest distance of the optimum without bounds from a bound, in standard deviations of noise and sources. A longer
@@ -318,22 +287,12 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return changes of the fitted values of the unknowns: by errors of inputs, and by removing the search's bounds.
+    """Return the changes of the fitted values by errors of the inputs ``sources``, and in a search without bounds.
 
-    Parameters
-    ----------
-    about : Linearisation
-        The residuals as linear functions of the n unknowns.
-    sources : sequence of ConsideredSources
-        S uncertain inputs, or components of inputs such as x and y of the clamp.
-    covariance : ndarray, shape (n, n)
-        Covariance of the unknowns due to noise and priors.
-
-    Returns
-    -------
-    Steps
-        The changes.
+    ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """
+    # The covariance of the estimate grows by the sum of the products of the changes (Tapley, Schutz and Born 2004,
+    # Statistical Orbit Determination, section 6.3).
     sizes, n = np.zeros((len(sources), len(about.unit))), len(about.unit)
     for i, source in enumerate(sources):
         score = np.zeros(n)
@@ -344,8 +303,8 @@ def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covaria
     outward = ((about.unit <= 0.0) & (about.score > 0)) | ((about.unit >= 1.0) & (about.score < 0))
     # The optimum without bounds is the better centre of the intervals, because its distribution is normal about the
     # true value.
-    held = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
+    without_bounds = -np.linalg.solve(about.hessian, np.where(outward, about.score, 0.0))
     spread = np.sqrt(np.diag(covariance) + (sizes**2).sum(axis=0))
-    farthest = (np.abs(held) / spread)[outward].max(initial=_FARTHEST)
+    farthest = (np.abs(without_bounds) / spread)[outward].max(initial=_FARTHEST)
     share = _FARTHEST / farthest if sources else 0.0
-    return Steps(sizes, np.asarray(share * held))
+    return Steps(sizes, np.asarray(share * without_bounds))

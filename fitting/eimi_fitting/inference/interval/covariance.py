@@ -1,24 +1,15 @@
 """Compute the covariance of the optimum of a fit, from residuals that are linearised there.
 
-Load case k has N_k points. Its residuals r_k have the root mean square e_k and the derivatives (slopes) J_k = dr_k/dx
-in the unknowns x. K is the number of load cases, e the mean of the errors e_k, and N the number of independent points
-(`inference.evidence.objective`). In the likelihood, the squared residuals of load case k have the weight
+Load case k has N_k points, the derivatives J_k of its residuals in the unknowns, and the root mean square residual e_k.
+Its weight w_k, the Hessian A of minus the log-likelihood and the covariance B of the gradient are
 
-    w_k = N / (K e N_k e_k).
+    w_k = N / (K e N_k e_k),    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k
 
-Neighbouring points have similar errors: tau points count as one independent point (`point_correlation`). The Hessian A
-of minus the log-likelihood and the covariance matrix B of its gradient are
+for K load cases, the mean e of e_k, and N independent points, one for tau points. The covariance of the optimum is
 
-    A = sum_k w_k J_k' J_k,    B = sum_k tau w_k^2 e_k^2 J_k' J_k.
+    C = inv(A + P) (B + P) inv(A + P)
 
-Tensile curves with the standardised residuals z add dz/dx' dz/dx to A. With the inverse prior covariance P, the
-covariance of the optimum is
-
-    C = inv(A + P) (B + P) inv(A + P).
-
-This form is needed because the weights of the load cases differ from the inverse variance of their noise (sandwich
-covariance: Huber 1967, Proc. 5th Berkeley Symp. 1:221; White 1982, Econometrica 50:1). If all load cases are equally
-noisy, A equals B and C is inv(A + P).
+with the inverse prior covariance P (White 1982, Econometrica 50:1).
 """
 
 from __future__ import annotations
@@ -42,14 +33,14 @@ class LinearStates:
 
     Parameters
     ----------
-    residuals : ndarray, shape (K, G, m)
-        Residuals in mm at m neighbouring points on each of G edges (or in x and y).
-    slopes : ndarray, shape (n, K, G, m)
+    residuals : ndarray, shape (K, 2, m)
+        Residuals in mm at m points of the two edges, or in x and y of m tracked points.
+    slopes : ndarray, shape (n, K, 2, m)
         Derivatives of the residuals in mm, in the unknowns scaled to 0..1 between their bounds.
-    used : ndarray, shape (K, G, m)
-        Above zero for points that are used, else zero.
+    used : ndarray, shape (K, 2, m)
+        Zero for points that are not used.
     weights : ndarray, shape (K,)
-        Weight of the squared residuals of each load case in the likelihood, in 1/mm^2.
+        Weight of the squared residuals in the likelihood, in 1/mm^2.
     counts : ndarray, shape (K,)
         Number of points in each load case.
     error_mm : ndarray, shape (K,)
@@ -69,14 +60,11 @@ class LinearStates:
         return np.asarray(np.einsum("k,kij->ij", self.weights, self._by_state()))
 
     def score(self, residuals: Array) -> Array:
-        """Return the gradient of minus the log-likelihood in the n unknowns, (n,), for residuals (K, G, m) in mm."""
+        """Return the gradient of minus the log-likelihood in n unknowns, (n,), for residuals (K, 2, m) in mm."""
         return np.asarray(np.einsum("k,ikgn,kgn->i", self.weights, self.slopes, residuals))
 
     def score_variance(self, observed: Observation) -> Array:
-        """Return the covariance matrix (n, n) of the gradient of this experiment's log-likelihood in the n unknowns.
-
-        It includes the correlation of neighbouring residuals.
-        """
+        """Return the covariance matrix (n, n) of the gradient of the log-likelihood in the n unknowns."""
         if isinstance(observed, EdgeObservation):
             # sum over the states of tau w^2 e^2 J'J: weight w, error e, slopes J, and tau points as one independent
             # point
@@ -100,42 +88,38 @@ class LinearStates:
 class Linearisation:
     """The residuals of a fit (edges, tensile curves, priors) as linear functions of n unknowns near the optimum.
 
-    Noise is the part of the residuals that no error of an uncertain input, such as the width, explains.
-
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
     objective_mm : float
-        The minimised objective in mm, without the priors on the law's parameters.
+        The minimised objective in mm.
     states : tuple of LinearStates
         The linear residuals of each experiment.
     points : int
-        Number of measured points of all experiments.
+        Number of measured points.
     independent_points : float
-        How many points are independent, estimated from the correlation of all residuals.
+        Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number of independent points from which the weights of the residuals in the likelihood are computed. If there
-        are uncertain inputs, it is chosen so that the weights follow from the noise alone.
+        Number N of independent points in the weights of the residuals.
     noise_points : float
-        How many points are independent, estimated from the correlation of the noise.
+        Number of independent points, from the correlation of the noise.
     noise_mm : float
         Mean over the load cases of the root mean square noise, in mm.
     residual_mm : float
         Root mean square of all residuals, in mm.
     curves : ndarray, shape (m,)
-        Residuals of the m points of the tensile curves, each divided by its standard deviation.
+        Residuals of m points of the tensile curves, in standard deviations.
     curve_slopes : ndarray, shape (n, m)
         Derivatives of ``curves`` in the n unknowns.
     priors : ndarray, shape (f,)
-        Deviations of the f fitted inputs from their specified values, in standard deviations of their priors.
+        Deviations of f fitted inputs, in standard deviations of their priors.
     law_priors : ndarray, shape (q,)
-        Residuals of the q priors on the law's parameters, each divided by its standard deviation.
+        Residuals of q priors on the law's parameters, in standard deviations.
     law_prior_slopes : ndarray, shape (n, q)
         Derivatives of ``law_priors`` in the n unknowns.
     information, score_variance, prior : ndarray, shape (n, n)
-        Hessian of minus the log-likelihood (``information``), covariance matrix of its gradient (``score_variance``),
-        and inverse covariance of all priors except those on the law's parameters (``prior``).
+        Hessian of minus the log-likelihood, covariance of its gradient, and inverse covariance of the priors.
     """
 
     unit: Array
@@ -168,21 +152,16 @@ class Linearisation:
 
     @property
     def score(self) -> Array:
-        """The gradient of minus the logarithm of the likelihood times all priors, in the n unknowns, shape (n,).
-
-        It is zero at an optimum inside the bounds.
-        """
+        """The gradient of minus the logarithm of the likelihood times all priors, in the n unknowns, (n,)."""
         total = self.curve_slopes @ self.curves + self.law_prior_slopes @ self.law_priors
         for states in self.states:
             total = total + states.score(states.residuals)
         return self._with_priors(np.asarray(total)[None], self.priors[None])[0]
 
     def score_of(self, candidates: Evaluation) -> Array:
-        """Return the gradient of minus the log-likelihood at P sets of values of the n unknowns, shape (P, n).
-
-        The gradient contains the priors on fitted inputs, but not the priors on the law's parameters.
-        """
+        """Return the gradient of minus the log-likelihood at P sets of values of the n unknowns, shape (P, n)."""
         # The slopes are those of the optimum, so that no further simulation is needed.
+        # The priors on fitted inputs are included, but not the priors on the law's parameters.
         total = candidates.curves @ self.curve_slopes.T
         for states, misfit in zip(self.states, candidates.comparison.misfits, strict=True):
             optimum_error = np.sqrt((states.residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
@@ -197,13 +176,7 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return how far each prior on a parameter is from the estimate of the parameter without this prior.
-
-        Returns
-        -------
-        tuple of float
-            For each prior, the estimate minus the mean of the prior, in standard deviations of this difference.
-        """
+        """Return the estimate without each prior minus the mean of the prior, in standard deviations."""
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
             # Without this prior, its residual at the optimum would be z (1 + s' inv(H) s), with the variance 1 + s'
@@ -214,6 +187,8 @@ class Linearisation:
 
     def covariance(self, widened: float = 1.0) -> Array:
         """Return the covariance matrix (n, n) of the unknowns, for noise ``widened`` times as large as estimated."""
+        # The weights of the load cases differ from the inverse variance of their noise (sandwich covariance: Huber
+        # 1967, Proc. 5th Berkeley Symp. 1:221).
         inverse = np.linalg.inv(self.hessian)
         return np.asarray(
             inverse @ (widened**2 * self.score_variance + self.prior + self.law_prior_information) @ inverse
@@ -221,21 +196,14 @@ class Linearisation:
 
 
 def point_correlation(residuals: Array, weights: Array, observed: Observation) -> float:
-    """Return how many neighbouring residuals count as one independent residual, because their errors are similar.
+    """Return how many neighbouring residuals count as one independent residual, at least 1.
 
     Parameters
     ----------
-    residuals : ndarray, shape (K, G, m)
-        Residuals in mm at m neighbouring points on each of G edges (or in x and y) in K load cases.
-    weights : ndarray, shape (K, G, m)
+    residuals : ndarray, shape (K, 2, m)
+        Residuals in mm in K load cases, at m points of the two edges (or in x and y).
+    weights : ndarray, shape (K, 2, m)
         Zero for points that are not used.
-    observed : EdgeObservation or PointObservation
-        The measured edges or tracked points.
-
-    Returns
-    -------
-    float
-        How many residuals count as one, at least 1.
     """
     # Errors of lens, light and law are similar along an edge and in neighbouring states.
     if isinstance(observed, EdgeObservation):
@@ -246,10 +214,7 @@ def point_correlation(residuals: Array, weights: Array, observed: Observation) -
 
 
 def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
-    """Return how many of the measured points of all experiments count as independent.
-
-    ``misfits`` contains the residuals of each experiment. Their correlation gives the result.
-    """
+    """Return how many measured points count as independent, from the correlation of the residuals."""
     return sum(
         float(m.weights.sum()) / point_correlation(m.residuals[0], m.weights, e.observed)
         for m, e in zip(misfits, problem.experiments, strict=True)
@@ -259,21 +224,7 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
-    The functions are valid near the optimum.
-
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    optimum : Optimum
-        The fitted values of the unknowns, and simulations for nearby values.
-    likelihood_points : float, optional
-        Number of independent points for the weights of the residuals; estimated from the residuals by default.
-
-    Returns
-    -------
-    Linearisation
-        The residuals and their derivatives.
+    ``likelihood_points`` is the number of independent points in the weights of the residuals.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits
@@ -307,7 +258,7 @@ def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points:
         law_prior_slopes=law_prior_slopes,
         information=sum((linear.information for linear in states), np.zeros((n, n))) + curve_slopes @ curve_slopes.T,
         score_variance=variance + _curves_score_variance(problem, evaluation.curves[0], curve_slopes),
-        prior=np.diag(problem.unknowns.prior),
+        prior=np.diag(problem.unknowns.prior),  # without the priors on the law's parameters
     )
 
 
@@ -326,7 +277,7 @@ def _linear_states(misfit: Misfit, distance: Array, scale: float) -> LinearState
 
 
 def _curves_score_variance(problem: Problem, z: Array, slopes: Array) -> Array:
-    """Return the covariance matrix (n, n) of the gradient of the tensile curves' log-likelihood in the n unknowns."""
+    """Return the covariance matrix (n, n) of the gradient of the tensile curves' log-likelihood."""
     variance = np.zeros((len(slopes), len(slopes)))
     first = 0
     for curve in problem.curves:

@@ -13,24 +13,14 @@ Array = NDArray[np.float64]
 
 
 def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds: int = 5) -> float | None:
-    """Return the mean error of a fit in load cases that were omitted from it (cross-validation).
-
-    The load cases are divided into groups, and each group is omitted once. Because the residuals are linear, the fit to
-    the remaining load cases needs no new simulation.
+    """Return the mean error in mm of a fit in load cases that were omitted from it (cross-validation).
 
     Parameters
     ----------
-    experiments : sequence of LinearStates
-        The residuals of each experiment as linear functions of the n unknowns.
     hessian : ndarray, shape (n, n)
-        Hessian of minus the logarithm of the likelihood times the priors.
+        Hessian of minus the logarithm of the likelihood times the priors, in the n unknowns.
     folds : int
-        Number of groups.
-
-    Returns
-    -------
-    float or None
-        Mean root mean square residual of the omitted load cases in mm; None if there is only one load case.
+        Number of groups of load cases; each group is omitted once.
     """
     states = [(experiment, k) for experiment in experiments for k in range(len(experiment.weights))]
     if len(states) < 2:
@@ -45,7 +35,7 @@ def held_out_error_mm(experiments: Sequence[LinearStates], hessian: Array, folds
             slope = experiment.slopes[:, k]
             normal -= experiment.weights[k] * np.einsum("ign,jgn->ij", slope, slope)
             score += experiment.weights[k] * np.einsum("ign,gn->i", slope, experiment.residuals[k])
-        # one Gauss-Newton step for the other states
+        # Because the residuals are linear, the fit to the other states is one step without a new simulation.
         step = np.linalg.solve(normal, score)
         for experiment, k in left_out:
             residual = experiment.residuals[k] + np.einsum("i,ign->gn", step, experiment.slopes[:, k])

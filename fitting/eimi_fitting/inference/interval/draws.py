@@ -1,7 +1,4 @@
-"""Make random draws from the joint distribution of all uncertain quantities of a fit.
-
-The intervals of a fit are quantiles of the draws.
-"""
+"""Make random draws from the joint distribution of all uncertain quantities of a fit."""
 
 from __future__ import annotations
 
@@ -33,8 +30,7 @@ class Draws:
     names : tuple of str
         Names of the law's parameters, then names of the uncertain inputs.
     values : tuple of tuple of float
-        One tuple for each draw: the parameters in their units, then the deviations of the inputs from their specified
-        values, in the units of the inputs.
+        One tuple for each draw: the parameters, then the deviations of the inputs.
     """
 
     seed: int
@@ -57,27 +53,20 @@ def normal_draws(rng: np.random.Generator, n: int) -> Array:
 def draw_noise(
     rng: np.random.Generator, unit: Array, covariance: Array, ends: Ends, model_errors: Array, modulus_errors: Array
 ) -> Array:
-    """Draw random errors of the n unknowns of a fit due to noise, priors and the beam models.
+    """Draw D random errors (D, n) of the n unknowns of a fit, due to noise, priors and the beam models.
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Generator of the random numbers.
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
+        Fitted values of the n unknowns, scaled to 0..1 between their bounds.
     covariance : ndarray, shape (n, n)
         Covariance of the unknowns due to noise and priors.
     ends : Ends
-        Ends of the 95 % intervals, for unknowns with an asymmetric interval.
+        Ends of the asymmetric 95 % intervals.
     model_errors : ndarray, shape (C, n)
-        C independent errors of the beam models: for each, the change of the unknowns by one standard deviation.
+        Change of the unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        Standard deviations of C further errors that change the first unknown only.
-
-    Returns
-    -------
-    ndarray, shape (D, n)
-        D draws of the errors, scaled as ``unit``.
+        Standard deviations of C errors of the modulus, which is the first unknown.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -94,12 +83,9 @@ def draw_noise(
 
 
 def thinned(modulus: Array) -> Rows:
-    """Return the indices of every tenth of 4000 draws in the order of their modulus, to store only 400 draws.
-
-    ``modulus`` (4000,) contains the modulus of each draw. Its quantiles hardly change by the selection.
-    """
+    """Return the indices of every tenth of 4000 draws, in the order of their ``modulus`` (4000,)."""
     stride = _DRAWN // _KEPT
-    # Every tenth draw in the order of the modulus: the quantiles of the modulus hardly change.
+    # Only these 400 draws are stored. The quantiles of the modulus hardly change by the selection.
     return np.asarray(np.argsort(modulus)[stride // 2 :: stride])
 
 
@@ -115,23 +101,14 @@ def draw_parameters(
 
     Parameters
     ----------
-    names : sequence of str
-        Names of the parameters.
     values : ndarray, shape (n,)
         Fitted values of the n parameters.
     intervals : ndarray, shape (n, 2)
-        Lower and upper end of the 95 % interval of each parameter.
+        Lower and upper end of each 95 % interval.
     correlation : ndarray, shape (n, n)
         Correlation matrix of the errors.
     modulus : callable
-        Function that returns the initial shear moduli (D,) for D sets of parameters (D, n).
-    seed : int
-        Seed of the random numbers.
-
-    Returns
-    -------
-    Draws
-        400 draws of the parameters.
+        Converts D sets of parameters (D, n) to initial shear moduli (D,).
     """
     eigenvalues, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
@@ -156,8 +133,5 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with its 95 % interval from all uncertainties, and its 95 % interval from noise and mesh alone.
-
-    The intervals are quantiles of random draws: of ``drawn`` and of ``fit_alone``.
-    """
+    """Return a value with its 95 % intervals: quantiles of the random draws ``drawn`` and ``fit_alone``."""
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

@@ -1,15 +1,7 @@
 """Compute the 95 % intervals of the unknowns of a fit, and find the combinations of unknowns that the data determine.
 
-- The covariance of the optimum is computed from residuals that are linear in the unknowns near the optimum
-  (`inference.interval.covariance`). The size of the noise is computed from the residuals.
-- If the objective is not quadratic, the ends of the intervals are computed from the profile likelihood
-  (`inference.interval.profile_likelihood`).
-- The remaining error of the beam model widens the intervals (`inference.evidence.corrections`).
-- The uncertainties of specimen, calibration and rig also widen the intervals (`inference.interval.considered`). Inputs
-  without a specified uncertainty are assumed exact.
-
-The bounds of the search count as a normal prior, with the variance of a uniform distribution between the bounds. An
-unknown that the data do not determine keeps nearly this variance and is reported as not fixed.
+The intervals contain the noise, the error of the beam model, and the uncertainties of specimen, calibration and rig.
+The bounds of the search count as a normal prior, with the variance of a uniform distribution between the bounds.
 """
 
 from __future__ import annotations
@@ -66,9 +58,9 @@ class FreedNuisance:
     name : str
         Name of the input in a result.
     datasets : tuple of int
-        Indices of the datasets with the same deviation, counted from 0.
+        Indices of the datasets with this deviation.
     deviation : Quantity
-        Fitted value minus specified value, with intervals.
+        Fitted value minus specified value.
     prior_standard_deviation : float
         Standard deviation of the prior, in the unit of the deviation.
     """
@@ -81,15 +73,14 @@ class FreedNuisance:
 
 @dataclass(frozen=True)
 class CorrectionEffect:
-    """The change of the initial shear modulus by a more exact beam model, such as a finer mesh.
+    """The change of the initial shear modulus by an accurate beam model, such as one with a finer mesh.
 
     Parameters
     ----------
     change_percent : float or None
-        Change of the modulus in per cent; None if the solver finds no equilibrium with the more exact model.
+        Change of the modulus in per cent.
     left_percent : float or None
-        95 % bound of the error of the modulus with the more exact model, in per cent; None if the solver finds no
-        equilibrium.
+        95 % bound of the error of the modulus with the accurate model, in per cent.
     """
 
     change_percent: float | None
@@ -103,7 +94,7 @@ class Estimate:
     Parameters
     ----------
     parameters : dict of str to Quantity
-        The parameters of the law by name, in the order of the law.
+        The parameters of the law by name.
     initial_shear_modulus : Quantity
         The initial shear modulus in Pa.
     bulk_modulus : Quantity or None
@@ -112,20 +103,20 @@ class Estimate:
         The uncertain inputs, such as the width, that were fitted with the law.
     identifiability : Identifiability
         The unknowns that the data determine, and those that they do not determine.
-    mesh, section_change : CorrectionEffect or None
-        Effect of a mesh twice as fine (``mesh``) and of a three-dimensional model of a solid section
-        (``section_change``); None if it does not apply.
+    mesh : CorrectionEffect or None
+        Effect of a finer mesh.
+    section_change : CorrectionEffect or None
+        Effect of a three-dimensional model.
     held_out_error_mm : float or None
-        Mean root mean square residual of load cases omitted from the fit, in mm (cross-validation); None if there is
-        only one load case.
+        Mean error of load cases omitted from the fit, in mm (cross-validation).
     budget : tuple of BudgetEntry
         Effect of each uncertain input on the initial shear modulus, the largest first.
     measure_next : MeasureNext
         The quantity whose better measurement narrows the interval of the modulus most.
     if_uncertain : tuple of BudgetEntry
-        Effect of important inputs without a specified uncertainty, for their usual uncertainty; not in the intervals.
+        Effect of important inputs whose uncertainty no file specifies.
     draws : Draws or None
-        Random draws whose quantiles are the intervals; None in result files of earlier releases.
+        Random draws whose quantiles are the intervals.
     """
 
     parameters: dict[str, Quantity]
@@ -155,31 +146,19 @@ def estimate(
 
     Parameters
     ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    optimum : Optimum
-        The fitted values of the unknowns.
     effects : sequence of Effect
-        Changes of the fitted values by more exact beam models.
-    noise : Noise
-        The residuals near the fitted values, with noise separated from errors of uncertain inputs.
+        Changes of the fitted values by accurate beam models.
     refinements : sequence of str
-        Names of the more exact beam models that were tried.
-    seed : int
-        Seed of the random draws.
+        Names of the accurate beam models that were tried.
     shift_percent : float
-        95 % bound of a further error of the modulus in per cent, such as an error of the test bench.
-
-    Returns
-    -------
-    Estimate
-        The parameters with their intervals.
+        95 % bound of an error of the modulus in per cent, which widens the interval.
     """
     unknowns, unit = problem.unknowns, optimum.unit
     about, explained, sources = noise.about, noise.explained, noise.sources
     covariance = about.covariance(_widened(problem, about))
     spread = np.sqrt(np.diag(covariance))
     model_errors, modulus_errors = _model_error_bounds(unknowns, about, effects)
+    # The intervals of the checked unknowns may be asymmetric.
     checked = (spread * np.sqrt(unknowns.prior))[: unknowns.searched] <= NOT_FIXED
     if unknowns.space.has_bulk:  # its upper end may be infinite, and toward the lower end the response is not linear
         checked[-1] = True
@@ -220,15 +199,7 @@ def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> 
 
 
 def _model_error_bounds(unknowns: Unknowns, about: Linearisation, effects: Sequence[Effect]) -> tuple[Array, Array]:
-    """Return 95 % bounds of the errors of the n unknowns due to C inexact beam models, such as a finer mesh.
-
-    Returns
-    -------
-    model_errors : ndarray, shape (C, n)
-        Bound of the error of each unknown, scaled so that the bounds of the search are 0 and 1.
-    modulus_errors : ndarray, shape (C,)
-        Bound of an additional, independent error of the modulus, scaled in the same way.
-    """
+    """Return 95 % bounds of the errors of C beam models: of the n unknowns, (C, n), and of the modulus, (C,)."""
     model_errors, modulus_errors = np.zeros((len(effects), len(about.unit))), np.zeros(len(effects))
     log_range = _log_range(unknowns)
     for c, effect in enumerate(effects):
@@ -257,6 +228,7 @@ def _effects_percent(
     modulus_errors: Array,
 ) -> dict[str, CorrectionEffect]:
     log_range = _log_range(unknowns)
+    # None if the solver finds no equilibrium with the accurate model
     percent = dict.fromkeys(refinements, CorrectionEffect(None, None))
     for effect, bounds, modulus_bound in zip(effects, model_errors, modulus_errors, strict=True):
         percent[effect.correction.refinement.name] = CorrectionEffect(
@@ -285,10 +257,7 @@ def _ends(
     half_width: Array,
     checked: tuple[int, ...],
 ) -> Ends:
-    """Return the ends of the 95 % intervals of all unknowns.
-
-    The unknowns with the indices ``checked`` may have asymmetric intervals.
-    """
+    """Return the ends of the 95 % intervals of all unknowns."""
     searched, law_prior_squares = problem.unknowns.searched, float((about.law_priors**2).sum())
     bounds_prior = np.where(np.arange(len(about.unit)) < searched, np.diag(about.prior), 0.0)
 

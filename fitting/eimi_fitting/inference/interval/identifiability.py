@@ -1,10 +1,8 @@
 """Find the combinations of the unknowns of a fit that the data determine, and describe them in words.
 
-Let A be the information of the data (the second derivatives of minus the log-likelihood) and P the diagonal inverse
-variance of the priors (`inference.interval.covariance`). If every unknown is divided by its prior standard deviation,
-the information becomes P^(-1/2) A P^(-1/2). The eigenvectors of this matrix are combinations of unknowns whose errors
-are independent of each other. The fit multiplies the standard deviation of a combination by 1 / sqrt(1 + v), with the
-eigenvalue v. The data thus determine a combination if v is large, and say nothing about it if v = 0.
+The combinations are the eigenvectors of P^(-1/2) A P^(-1/2), with the information A of the data
+(`inference.interval.covariance`) and the diagonal inverse variance P of the priors. The fit multiplies the standard
+deviation of a combination with the eigenvalue v by 1 / sqrt(1 + v).
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ class Direction:
     words : str
         Description such as "a with b against c": a and b increase together while c decreases.
     remaining : float
-        Standard deviation after the fit, divided by the standard deviation before the fit; between 0 and 1.
+        Standard deviation after the fit, divided by the standard deviation of the prior.
     """
 
     words: str
@@ -56,7 +54,7 @@ class Identifiability:
     held_by_bounds : tuple of str
         Names of the parameters whose interval is mainly determined by the bounds of the search.
     at_bound : tuple of str
-        Names of the law's unknowns whose fitted value lies on a bound of the search.
+        Names of the law's unknowns with a fitted value on a bound of the search.
     residual_mm : float
         Root mean square of all residuals in mm.
     correlation_points : float
@@ -64,24 +62,23 @@ class Identifiability:
     points : int
         Number of measured points.
     independent_points : float
-        How many points are independent, estimated from the correlation of all residuals.
+        Number of independent points, from the correlation of all residuals.
     names : tuple of str
         Names of all unknowns.
     correlation : tuple of tuple of float
-        Correlation matrix of the errors of the unknowns, one row for each unknown.
+        Correlation matrix of the errors of the unknowns.
     directions : tuple of Direction
         Combinations of unknowns with independent errors, the best determined first.
     profiled : tuple of str
         Names of the unknowns whose interval is computed from the profile likelihood.
-    noise_mm, noise_points : float or None
-        Noise is the part of the residuals that no uncertain input explains. ``noise_mm`` is its root mean square,
-        averaged over the load cases, and ``noise_points`` the number of independent points. None in files of earlier
-        releases.
+    noise_mm : float or None
+        Mean over the load cases of the root mean square noise, in mm.
+    noise_points : float or None
+        Number of independent points, from the correlation of the noise.
     stated_squares : float
-        Sum of the squared deviations of the uncertain inputs from their specified values, in standard uncertainties, if
-        all of them are fitted together with the law.
+        Sum of the squared errors of the uncertain inputs, in standard uncertainties.
     model_mm : float
-        Mean standard deviation of the remaining error of the beam model in mm; 0 if no file specifies an uncertainty.
+        Mean standard deviation of the error of the beam model in mm.
     """
 
     statement: str
@@ -109,21 +106,16 @@ def is_open(modulus: Quantity) -> bool:
 
 
 def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which parameters of a law are limited mainly by the bounds of the search, and not by the data.
+    """Return which of m parameters of a law are limited mainly by the bounds of the search.
 
     Parameters
     ----------
     slopes : ndarray, shape (m, n)
-        Derivatives of the m parameters in the n unknowns.
+        Derivatives of the parameters in the n unknowns.
     covariance : ndarray, shape (n, n)
-        Covariance of the n unknowns.
+        Covariance of the unknowns.
     open_coordinates : ndarray of bool, shape (n,)
         True for unknowns that the data do not determine.
-
-    Returns
-    -------
-    ndarray of bool, shape (m,)
-        True for parameters that get more than half of their variance from the unknowns that the data do not determine.
     """
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     # the variance from unknowns that the data do not determine
@@ -132,21 +124,14 @@ def held_by_bounds(slopes: Array, covariance: Array, open_coordinates: NDArray[n
 
 
 def directions(names: Sequence[str], information: Array, prior: Array) -> tuple[Direction, ...]:
-    """Return the combinations of unknowns with independent errors, the best determined first.
+    """Return the n combinations of unknowns with independent errors, the best determined first.
 
     Parameters
     ----------
-    names : sequence of str
-        Names of the n unknowns.
     information : ndarray, shape (n, n)
         Hessian of minus the log-likelihood.
     prior : ndarray, shape (n, n)
         Inverse covariance of the priors, diagonal.
-
-    Returns
-    -------
-    tuple of Direction
-        The n combinations.
     """
     # eigenvectors of P^(-1/2) A P^(-1/2), with the information A and the prior P
     scale = 1 / np.sqrt(np.diag(prior))
@@ -184,26 +169,21 @@ def statement(
     names : sequence of str
         Names of all n unknowns; those of the law come first.
     law_coordinates : int
-        How many of the unknowns belong to the law.
+        Number of unknowns of the law.
     not_fixed : sequence of str
         Names of the law's unknowns that the data do not determine.
     correlation : ndarray, shape (n, n)
         Correlation matrix of the unknowns.
     eigen : sequence of Direction
-        Combinations of unknowns with independent errors, the best determined first.
+        Combinations of unknowns with independent errors.
     ratios : sequence of str
         Names of fitted inputs that multiply the magnetic load.
     remaining : sequence of float
-        For each unknown, its standard deviation after the fit, divided by its standard deviation before the fit.
+        For each unknown, its standard deviation after the fit, divided by that of its prior.
     modulus : Quantity
         The initial shear modulus in Pa.
     priors : bool
         Whether there are priors on the law's parameters.
-
-    Returns
-    -------
-    str
-        The sentences.
     """
     law_names = names[:law_coordinates]
     data = "These data" if len(law_names) == len(names) and not priors else "These data and the given priors"

@@ -1,19 +1,11 @@
 """Separate noise from errors of uncertain inputs: noise is the part of the residuals that no such error explains.
 
-An uncertain input has a specified standard uncertainty, such as the width. Its error causes residuals along both edges.
-The intervals already contain the effect of this error on the estimate (`inference.interval.considered`). If these
-residuals also counted as noise, the error would count twice.
-
-The unknowns x and the deviations s of the inputs, in standard uncertainties, are therefore fitted together:
+The change dx of the unknowns x and the errors s of the inputs, in standard uncertainties, are fitted together:
 
     minimise  sum_k w_k |r_k + J_k dx + C_k s|^2 + |s|^2 + the priors on x
 
-for the residuals r_k of load case k in mm, their derivatives J_k in x, the change dx of x, the changes C_k of the
-residuals for one standard uncertainty of each input, and the weights w_k of `inference.interval.covariance`. The
-remaining residuals are the noise. Its size and correlation determine w_k, and the fit is repeated until the size stays
-the same. The effect of an input on the residuals is only approximately linear, and an error of a few per cent of this
-effect may exceed the noise. Residuals and derivatives are therefore evaluated again at the minimum (Gauss-Newton). The
-noise is also the basis for the choice between several laws (`inference.planning.choice_of_law`).
+for the residuals r_k of load case k in mm, their derivatives J_k in x, their changes C_k for one standard uncertainty
+of each input, and the weights w_k (`inference.interval.covariance`). The remaining residuals are the noise.
 """
 
 from __future__ import annotations
@@ -45,17 +37,16 @@ _PASSES = 3  # largest number of Gauss-Newton steps, each with renewed slopes
 
 @dataclass(frozen=True)
 class Explained:
-    """The residuals of a fit in which the n unknowns and S uncertain inputs, such as the width, are fitted together.
+    """The residuals of a joint fit of n unknowns and S uncertain inputs, such as the width.
 
     Parameters
     ----------
     states : tuple of LinearStates
-        The residuals of each experiment at the fitted values, with derivatives in the n unknowns and then in the S
-        inputs.
+        The residuals of each experiment, with derivatives in the n unknowns and then in the S inputs.
     hessian : ndarray, shape (n + S, n + S)
         Hessian of minus the logarithm of the likelihood times the priors.
     squares : float
-        Sum of the squared deviations of the inputs from their specified values, in standard uncertainties.
+        Sum of the squared errors of the inputs, in standard uncertainties.
     """
 
     states: tuple[LinearStates, ...]
@@ -65,17 +56,16 @@ class Explained:
 
 @dataclass(frozen=True)
 class Effect:
-    """The change of the fitted values of a fit by a more exact beam model, such as a finer mesh.
+    """The change of the fitted values of a fit by an accurate beam model, such as one with a finer mesh.
 
     Parameters
     ----------
     correction : Correction
-        The change of the residuals by the more exact model.
+        The change of the residuals by the accurate model.
     moved : ndarray, shape (n,)
-        Change of the fitted values, scaled so that the bounds of the search are 0 and 1.
+        Change of the fitted values, scaled to 0..1 between their bounds.
     share : float, optional
-        Estimated error of the fitted values with the more exact model, as a share of ``moved``. By default it is the
-        usual share for this kind of model, which ``correction`` contains.
+        Error of the fitted values with the accurate model, as a share of ``moved``.
     least_percent : float
         Lower limit of the 95 % bound of the remaining error of the modulus, in per cent.
     """
@@ -87,25 +77,24 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Estimated error of the fitted values with the more exact beam model, divided by their change ``moved``."""
+        """Error of the fitted values with the accurate beam model, divided by ``moved``."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The residuals of a fit near the optimum, with noise separated from errors of uncertain inputs, such as the width.
+    """The residuals of a fit near the optimum, and the part of them that is noise.
 
     Parameters
     ----------
     about : Linearisation
-        All residuals and their derivatives, at the fitted values of the unknowns for the specified inputs.
+        The residuals as linear functions of the unknowns.
     explained : Explained
-        The residuals that remain if unknowns and uncertain inputs are fitted together: the noise.
+        The noise: residuals of a joint fit of unknowns and uncertain inputs.
     sources : tuple of ConsideredSources
-        The S uncertain inputs, or components such as x and y, that are not fitted together with the law.
+        The uncertain inputs that are not fitted together with the law.
     mean_model_mm : float
-        Mean standard deviation of the remaining error of the beam model in mm; 0 if S = 0, because it is then not
-        computed.
+        Mean standard deviation of the error of the beam model in mm.
     """
 
     about: Linearisation
@@ -126,25 +115,15 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Separate the noise of a fit from the errors of uncertain inputs, such as a wrong width.
+    """Return the linear residuals of a fit near the optimum, and the part of them that is noise.
 
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    optimum : Optimum
-        The fitted values of the unknowns.
-    effects : sequence of Effect
-        Corrections by more exact beam models. Their remaining errors reduce the weights of load cases.
-
-    Returns
-    -------
-    Noise
-        The residuals, with noise separated from errors of inputs.
+    ``effects`` are changes by accurate beam models.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
         return Noise(about, Explained(about.states, about.hessian, float((about.priors**2).sum())), ())
+    # The intervals already contain the effect of an error of an input on the estimate. If the residuals due to this
+    # error also counted as noise, the error would count twice.
     model_mm = _model_mm(optimum, effects)
     explained = _explained(problem, about, sources, model_mm, optimum.evaluation.comparison.near)
     points = _independent(problem, explained.states)
@@ -161,10 +140,7 @@ def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Seq
 
 
 def _model_mm(optimum: Optimum[Evaluation], effects: Sequence[Effect]) -> list[Array]:
-    """Return the error of the simulated edges that remains after all corrections by more exact beam models, in mm.
-
-    For each experiment, the array (K,) contains the standard deviation in each of K load cases.
-    """
+    """Return the standard deviation of the error of the beam model in mm, (K,) for each experiment."""
     model_mm = []
     for index, misfit in enumerate(optimum.evaluation.comparison.misfits):
         counts = np.maximum(misfit.weights.sum(axis=(1, 2)), 1.0)
@@ -217,6 +193,8 @@ def _explained(
     points = _independent(problem, remaining)
     best, best_states = unit, _with_weights(problem, states, model_mm)  # the optimum itself, unless a pass is better
     least = before = _value(unknowns, unit, best_states, model_mm, points)
+    # The effect of an input on the residuals is only approximately linear, and an error of a few per cent of this
+    # effect may exceed the noise. Residuals and slopes are therefore evaluated again (Gauss-Newton).
     for pass_index in range(_PASSES):
         steps, distance = difference_batch(trial[:n])
         candidates = np.column_stack([steps, np.tile(trial[n:], (len(steps), 1))])
@@ -249,7 +227,7 @@ def _explained(
 def _value(
     unknowns: Unknowns, unit: Array, states: Sequence[LinearStates], model_mm: Sequence[Array], points: float
 ) -> float:
-    """Return the objective of a joint fit of unknowns and uncertain inputs in mm; the fit minimises it."""
+    """Return the objective of a joint fit of unknowns and uncertain inputs in mm."""
     # The likelihood is proportional to this number to the power -points.
     return float(np.concatenate(_with_model(states, model_mm)).mean()) * float(
         np.exp(_squares(unknowns, unit) / (2 * points))

@@ -1,15 +1,12 @@
 """Compute the ends of an interval by the profile likelihood, for objectives that are not quadratic.
 
-The deviance D(x) of the unknowns x is -2 log L(x) minus its smallest value, with the likelihood L. The optimum is x*.
-The profile of unknown i is
+The deviance D(x) of the unknowns x is twice the decrease of the log-likelihood from its maximum. The profile of unknown
+i is
 
     D_i(t) = min of D(x) over all x with x_i = t
 
-(Raue et al. 2009, Bioinformatics 25:1923). Let h be the half-width of the interval from the covariance, and H the
-Hessian of D / 2. For a quadratic D, the profile at both ends is D_i(x*_i +- h) = h^2 / inv(H)_ii. In general, the
-interval is defined to end where D_i has the value h^2 / inv(H)_ii, the target. The minimum over the other unknowns is
-computed by Gauss-Newton steps with the Hessian of the optimum. Both ends of the intervals of all unknowns are evaluated
-in one call.
+(Raue et al. 2009, Bioinformatics 25:1923). An interval ends where D_i is h^2 / inv(H)_ii, with its half-width h from
+the covariance and the Hessian H of D / 2.
 """
 
 from __future__ import annotations
@@ -43,9 +40,9 @@ class Ends:
     Parameters
     ----------
     low, high : ndarray, shape (n,)
-        Lower and upper ends, scaled so that the bounds of the search are 0 and 1.
+        Lower and upper ends, scaled to 0..1 between the bounds of the unknowns.
     profiled : tuple of int
-        Indices of the unknowns whose ends come from the profile likelihood.
+        Indices of the unknowns with ends from the profile likelihood.
     """
 
     low: Array
@@ -57,8 +54,6 @@ class Ends:
 class _End:
     """One end of the interval of one unknown, during its iterative computation.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum.
-
     Parameters
     ----------
     coordinate : int
@@ -68,12 +63,13 @@ class _End:
     target : float
         The deviance that the end must have.
     point : ndarray, shape (n,)
-        Present estimate of the n unknowns at the end, scaled to 0..1 between their bounds.
-    deviance, score : float and ndarray, shape (n,)
-        Deviance at ``point``, and gradient of half the deviance (``score``).
+        Estimate of the n unknowns at the end, scaled to 0..1 between their bounds.
+    deviance : float
+        Deviance at ``point``.
+    score : ndarray, shape (n,)
+        Gradient of half the deviance at ``point``.
     inside, outside : float
-        Distances of the unknown from its optimum, scaled as ``point``: the largest that is known to lie inside the
-        interval, and the smallest that is known to lie outside.
+        Distances from the optimum: the largest inside the interval and the smallest outside, of those tried.
     """
 
     coordinate: int
@@ -92,15 +88,12 @@ class _End:
 
     @property
     def has_converged(self) -> bool:
-        """Whether the deviance agrees with its target within 3 %, or the interval ends at a bound of the search."""
+        """Whether the deviance agrees with its target, or the interval ends at a bound of the search."""
         on_bound = not 0 < self.point[self.coordinate] < 1
         return self.off < _CONVERGED or (on_bound and self.deviance <= self.target)
 
     def advance(self, unit: Array, hessian: Array) -> None:
-        """Replace the estimate of this end by a better one, whose deviance is expected to equal the target.
-
-        ``unit`` is the optimum, and ``hessian`` the Hessian of half the deviance there.
-        """
+        """Replace the estimate of this end by one whose deviance is expected to equal the target."""
         i = self.coordinate
         # ``hessian`` is the Hessian of half the deviance at the optimum.
         size = abs(self.point[i] - unit[i])
@@ -131,23 +124,15 @@ def interval_ends(
     Parameters
     ----------
     deviance : callable
-        Function that returns, for P sets of unknowns (P, n), the deviances (P,) and the gradients (P, n) of half the
-        deviance. A deviance is twice the decrease of the log-likelihood from its maximum.
+        Converts P sets of unknowns (P, n) to deviances (P,) and gradients (P, n) of half the deviance.
     unit : ndarray, shape (n,)
-        Fitted values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
-    score : ndarray, shape (n,)
-        Gradient of half the deviance at the optimum; zero except for unknowns on a bound.
-    hessian : ndarray, shape (n, n)
-        Hessian of half the deviance at the optimum.
+        Fitted values of the unknowns, scaled to 0..1 between their bounds.
+    score, hessian : ndarray, shape (n,) and (n, n)
+        Gradient and Hessian of half the deviance at the optimum.
     half_width : ndarray, shape (n,)
         Half-widths of the intervals for a quadratic deviance.
     checked : tuple of int
         Indices of the unknowns whose intervals may be asymmetric.
-
-    Returns
-    -------
-    Ends
-        The ends.
     """
     low, high = unit - half_width, unit + half_width
     if not checked:
@@ -186,23 +171,9 @@ def _evaluate(deviance: Deviance, ends: Sequence[_End]) -> None:
 
 
 def moved_to(point: Array, score: Array, hessian: Array, i: int, to: float) -> Array:
-    """Return the minimum of a quadratic function in the unit cube if the coordinate ``i`` has the value ``to``.
+    """Return the minimum (n,) of a quadratic function in the unit cube if the coordinate ``i`` has the value ``to``.
 
-    Parameters
-    ----------
-    point : ndarray, shape (n,)
-        A point with n coordinates from 0 to 1.
-    score, hessian : ndarray, shape (n,) and (n, n)
-        Gradient and Hessian of the function at this point.
-    i : int
-        Index of the coordinate whose value is prescribed.
-    to : float
-        The prescribed value; limited to 0..1.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The point at which the function is smallest.
+    ``score`` and ``hessian`` are the gradient and the Hessian of the function at ``point`` (n,).
     """
     step = np.zeros(len(point))
     step[i] = np.clip(to, 0.0, 1.0) - point[i]

@@ -173,7 +173,7 @@ def _with_depth(
             depth = None
         options = SolidOptions("interpolate", earlier=depth.effect if depth else None)
         at = partial(_alone, problem, optimum.unit)
-        here = problem.with_own_changes(optimum.evaluation, corrected).comparison.take(_FIRST)
+        here = problem.recorrected(optimum.evaluation, corrected).comparison.take(_FIRST)
         change = correction(SOLID, plain, here, at, options=options)
         effect = change.effects[0] if change else None
         # The depth effect cannot be interpolated over the bending.
@@ -181,7 +181,7 @@ def _with_depth(
             return None
         depth = _Depth(effect.thinned(_MOST_SOLVED), depth.modulus_Pa if depth else modulus_Pa)
         now = replace(problem, experiments=change.added(plain))
-        start = now.with_own_changes(optimum.evaluation, corrected), optimum.distance
+        start = now.recorrected(optimum.evaluation, corrected), optimum.distance
         optimum, corrected = polish(now.nearby(1.0), optimum.unit, start), now
         effects = (Effect(change.without_shapes(), np.zeros(len(unit)), 0.0, percent),)
     return (corrected, optimum, effects, depth) if depth else None
