@@ -47,7 +47,7 @@ class Source:
     is_even : bool
         Whether the effect is equal in a reversed field.
     common : bool
-        Whether all datasets have one error of the input by default.
+        Whether the error of the input is by default equal in all datasets.
     covers : tuple of str
         Inputs with an equal effect.
     stated_in : str or None
@@ -57,7 +57,7 @@ class Source:
     field : callable, optional
         Converts P deviations (P, parts) to factors (P,) on the magnetic loads.
     image : callable, optional
-        Converts P deviations (P, parts) to maps to the image: matrices (P, 2, 2) and shifts (P, 2) in mm.
+        Converts P deviations (P, parts) to maps of the image: matrices (P, 2, 2) and shifts (P, 2) in mm.
     specimen, loads, lens : callable, optional
         Change the specimen, the loads or the view of the lens by one deviation (parts,).
     """

@@ -120,7 +120,7 @@ class Setup:
         deviations : iterable of (str, int, ndarray or float)
             Name of an input, index of its component (1 for y), and its error in P sets of unknowns, shape (P,).
         candidates : int
-            P.
+            Number P of sets.
         """
         values: dict[str, Array] = {}
         for source, part, value in deviations:
@@ -168,7 +168,7 @@ def freed_number(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class SharedUnknowns:
-    """An uncertain input with one error for a group of datasets.
+    """An uncertain input whose error is equal in a group of datasets.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class SharedUnknowns:
 
 
 def shared(source: str, stated: Sequence[Sequence[StatedSource]]) -> tuple[SharedUnknowns, ...]:
-    """Divide the datasets of a fit into groups; an input has one error in all datasets of a group.
+    """Divide the datasets of a fit into groups in which the error of an input is equal.
 
     Parameters
     ----------

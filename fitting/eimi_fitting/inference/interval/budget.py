@@ -35,7 +35,7 @@ class BudgetEntry:
     unit : str
         Unit of the input.
     datasets : tuple of int
-        Indices of the datasets with this input.
+        Indices of the datasets with this error.
     effect_percent : float
         Standard deviation of the modulus due to this input alone, in per cent.
     """

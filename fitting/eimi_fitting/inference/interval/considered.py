@@ -272,7 +272,7 @@ class Steps:
     Parameters
     ----------
     sizes : ndarray, shape (S, n)
-        Change for an error of each of S inputs of one standard uncertainty.
+        Change for one standard uncertainty of each of S inputs.
     without_bounds : ndarray, shape (n,)
         Change in a search without bounds.
     """

@@ -27,7 +27,7 @@ _CORRELATED = 0.9  # two unknowns are described as one combination above this co
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of unknowns whose error is independent of the errors of the other combinations.
+    """One of the combinations of unknowns whose errors are independent of each other.
 
     Parameters
     ----------

@@ -115,9 +115,9 @@ class Noise:
 
 
 def linearise_noise(problem: Problem, optimum: Optimum[Evaluation], effects: Sequence[Effect] = ()) -> Noise:
-    """Return the linear residuals of a fit near the optimum, and the part of them that is noise.
+    """Return the linearised residuals of a fit, and the part of them that is noise.
 
-    ``effects`` are changes by accurate beam models.
+    ``effects`` are the changes by accurate beam models.
     """
     about, sources = linearise(problem, optimum), considered(problem, optimum.unit)
     if not sources:
@@ -297,6 +297,6 @@ def _with_model(states: Sequence[LinearStates], model_mm: Sequence[Array]) -> li
 
 
 def _with_residuals(states: LinearStates, residuals: Array) -> LinearStates:
-    """Return a copy of ``states`` with other residuals in mm and the root mean squares of these residuals."""
+    """Replace the residuals in mm of ``states``, and their root mean squares."""
     error = np.sqrt((residuals**2).sum(axis=(1, 2)) / np.maximum(states.counts, 1e-12))
     return replace(states, residuals=residuals, error_mm=np.maximum(error, 1e-12))

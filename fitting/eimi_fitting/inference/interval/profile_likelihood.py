@@ -69,7 +69,7 @@ class _End:
     score : ndarray, shape (n,)
         Gradient of half the deviance at ``point``.
     inside, outside : float
-        Distances from the optimum: the largest inside the interval and the smallest outside, of those tried.
+        Largest tried distance from the optimum inside the interval, and smallest tried distance outside.
     """
 
     coordinate: int
