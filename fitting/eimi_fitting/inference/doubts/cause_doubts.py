@@ -94,7 +94,7 @@ def rivals(causes: Sequence[Cause]) -> tuple[Cause, ...]:
 
 
 def _present(causes: Sequence[Cause]) -> Sequence[Cause]:
-    """Return the first two bench errors if both are probable, else the first."""
+    """Return the most probable error of the test bench, or the two most probable errors if both are likely."""
     return causes[:2] if sum(cause.probability for cause in causes[:2]) >= _BOTH else causes[:1]
 
 

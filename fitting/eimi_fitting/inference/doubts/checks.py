@@ -91,6 +91,10 @@ def check_explained(
     ----------
     without_clamp : sequence of ndarray, shape (K,), optional
         Root mean square residuals in mm after a correction of the place of the clamp.
+    curves : bool
+        Whether tensile curves were fitted too.
+    beyond : bool
+        Whether tensile curves or priors contradict the fitted parameters. No load case then counts as explained.
 
     Raises
     ------

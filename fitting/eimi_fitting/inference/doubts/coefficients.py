@@ -29,17 +29,19 @@ class Coefficients:
     Parameters
     ----------
     rows : ndarray, shape (C + 1, N)
-        Change of N polynomial coefficients (`Projection`) by one prior standard deviation of each number, in mm.
+        Change of the N polynomial coefficients of the residuals by one prior standard deviation of each number, in mm.
+        The last row is zero.
     scale : ndarray, shape (C + 1,)
         Prior standard deviation of each number.
     law, simulated, common : int
-        Length of the list up to the changes of the law, the errors of inputs, and the errors of the beam model.
+        Position in the list after the last change of the law, the last error of an input, and the last error of the
+        beam model.
     of_inputs, of_causes : list of list of int
         Indices of the numbers of each input, and of each bench error.
     columns : list of Column
         Descriptions of the errors of inputs and of the bench errors.
     remaining : ndarray, shape (E, N)
-        Change of the coefficients by each of E errors of the beam model, in mm.
+        Change of the coefficients by each of E errors that better beam models leave, in mm.
     """
 
     rows: Array

@@ -29,7 +29,7 @@ class Deviation:
     value : float
         Size of the error in its unit.
     moved : float
-        Change of the first unknown of the law by the error, as a share of the range.
+        Change of the first unknown by the error; 1 is the distance between the bounds of the search.
     like : tuple of int
         Indices of the errors with similar effects on the residuals.
     """

@@ -46,7 +46,7 @@ class Projection:
     error: Array
 
     def of(self, residuals: Sequence[Array | None]) -> Array:
-        """Return the N coefficients in mm of the residuals in mm of each experiment, shape (..., N)."""
+        """Return the N polynomial coefficients (mm) that describe the residuals (mm) of all experiments, (..., N)."""
         lead = next(r.shape[:-3] for r in residuals if r is not None)
         parts = []
         for basis, turn, mix, residual in zip(self.bases, self.over_states, self.over_groups, residuals, strict=True):
@@ -58,7 +58,7 @@ class Projection:
         return np.concatenate(parts, axis=-1)
 
     def smooth(self, moves: Array) -> Array:
-        """Return the variances in mm^2 of the coefficients due to smooth errors with the changes ``moves`` in mm."""
+        """Return the variances (mm^2) of the N coefficients due to an error that varies smoothly along an edge."""
         parts, first = [], 0
         for basis in self.bases:
             here = slice(first, first := first + basis.shape[0] * basis.shape[1] * basis.shape[3])

@@ -43,7 +43,10 @@ def estimate_beside(
     refinements: Sequence[str],
     seed: int,
 ) -> Estimate | None:
-    """Return a result with intervals for probable bench errors that explain most of the residuals, or None."""
+    """Return the fitted parameters with intervals that allow for the probable bench errors, or None.
+
+    The result is None if no bench error is probable, or if bench errors explain too little of the residuals.
+    """
     remaining = weighed.remaining
     if remaining is None or weighed.beside_the_fit < _PROBABLE or _OF_THE_MODEL & weighed.most_probable:
         return None

@@ -110,7 +110,8 @@ class PossibleCause:
 def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
     """Return a function that adds errors of inputs to the assumptions of a fit.
 
-    ``parts`` has, for each argument of the error, the errors of inputs and components, such as ``("clamp", 0)`` for x.
+    For each number of the bench error, ``parts`` has a mapping from an input and one of its components, such as
+    ``("clamp", 0)`` for the x of the clamp, to the error of this component for a bench error of the size 1.
     """
 
     def change(assumed: Assumed, amplitudes: Array) -> Assumed:
@@ -128,7 +129,10 @@ def by_sources(*parts: Mapping[tuple[str, int], float]) -> Change:
 def of_source(
     name: str, source: str, sizes: tuple[float, ...], decide_by: str, parts_of: tuple[str, ...] = ()
 ) -> PossibleCause:
-    """Describe the bench error that consists in one wrong input, such as the scale of the picture."""
+    """Return the bench error that consists in one wrong input, such as the scale of the picture.
+
+    The parameters are described in `PossibleCause`.
+    """
     entry = SOURCES[source]
     parts: list[Mapping[tuple[str, int], float]] = [{(source, i): 1.0} for i in range(len(entry.parts))]
     return PossibleCause(name, entry.words, entry.unit, sizes, by_sources(*parts), decide_by, source, parts_of)

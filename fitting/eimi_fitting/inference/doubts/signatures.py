@@ -203,7 +203,7 @@ class About:
         ]
 
     def start(self, cause: PossibleCause, part: int, dataset: int) -> float:
-        """Return the value of one component of a bench error in the fit; 0 if the error was not measured."""
+        """Return the value that the fit already uses for one component of a bench error, such as a measured clamp."""
         measured = self.problem.experiments[dataset].measured.get(cause.source, ())
         if not measured:
             return 0.0

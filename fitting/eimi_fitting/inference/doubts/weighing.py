@@ -120,8 +120,9 @@ class Weighing:
         return len(columns) if shown is None else sum(column.part < shown for column in columns) or len(columns)
 
     def alone(self, best: int) -> slice:
-        """Return the slice of the sets with at most one bench error, from the half with the set ``best``."""
-        # With uncertain inputs, the list has every set twice: without and with errors of these inputs.
+        """Return the positions, in the list of all sets, of the sets that contain at most one bench error."""
+        # With uncertain inputs, the list has every set twice: without and with errors of these inputs. The result
+        # is the half that contains the set `best`.
         first = self.is_uncertain[best] * (len(self.hypotheses) // len(self._members))
         return slice(first, first + 1 + len(self._causes))
 
@@ -234,7 +235,7 @@ class Weighing:
         return result
 
     def _starts(self, result: Posterior, known: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        """Return pairs of indices: a set of bench errors without a simulation, and its most probable simulated part."""
+        """Return, for each set of bench errors without a simulation, a simulated subset whose residuals it can use."""
         score = result.log_evidence + self.log_prior
         # Without a correction, a hypothesis that was not simulated seems to agree worse with the data than others. It
         # takes the correction of the most probable simulated hypothesis with a part of its causes. Both must have the
@@ -254,7 +255,7 @@ class Weighing:
         return pairs
 
     def _model_error(self, moves: Array) -> Array:
-        """Return the variance of N polynomial coefficients in mm^2 due to errors of the simulation, shape (N,)."""
+        """Return the variances (mm^2) that errors of the simulation add to the N coefficients of the residuals."""
         # The error after the corrections by better models, and an error of 1 per cent in each simulated change.
         of_moves = _OF_MOVE**2 * ((moves**2).sum(axis=0) + self._project.smooth(moves))
         return np.asarray(of_moves + self._project.smooth(self._coefficients.remaining))
