@@ -143,8 +143,7 @@ def _field_turned(loads: Loads, deviation: Array) -> Loads:
 
 
 def _seen_from_turned_axis(loads: Loads, deviation: Array) -> Loads:
-    """Return the loads with gravity, tip forces and field rotated by a negative angle."""
-    # The angle, in degrees, is a change of the beam's direction in the image. The loads are relative to the beam.
+    """Return the loads relative to a beam that is rotated in the image: all loads are rotated the other way."""
     return _gravity_turned(_field_turned(loads, -deviation), -deviation)
 
 

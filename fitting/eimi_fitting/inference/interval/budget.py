@@ -82,7 +82,7 @@ class Moves:
     steps : Steps
         The change of the fitted values for one standard uncertainty of each input.
     further : ndarray, shape (D, n), or float
-        Errors that widen the interval of the modulus, scaled as ``unit``.
+        Errors due to a doubt about the test bench, scaled as ``unit``; 0 without such a doubt.
     """
 
     unit: Array

@@ -96,7 +96,7 @@ def unstated_of(problem: Problem) -> tuple[SharedUnknowns, ...]:
 
 
 def _concerns(source: str, experiment: Experiment) -> bool:
-    """Return whether the specimen depends on the input and a magnetic field acts."""
+    """Return whether a usual error of the input changes the specimen; always false without a magnetic field."""
     # Without a field, the direction of magnetisation has no effect.
     before = experiment.model.specimen
     changed = specimen_under(before, {source: np.full(len(SOURCES[source].parts), SOURCES[source].usual)})
@@ -287,7 +287,7 @@ _FARTHEST = 2.0
 
 
 def steps_of(about: Linearisation, sources: Sequence[ConsideredSources], covariance: Array) -> Steps:
-    """Return the changes of the fitted values by errors of the inputs ``sources``, and in a search without bounds.
+    """Return how far errors of the inputs ``sources`` move the fitted values, and how far they move without bounds.
 
     ``covariance`` (n, n) is the covariance of the n unknowns due to noise and priors.
     """

@@ -101,7 +101,7 @@ class Linearisation:
     independent_points : float
         Number of independent points, from the correlation of all residuals.
     likelihood_points : float
-        Number N of independent points in the weights of the residuals.
+        Number of independent points for which the residuals are weighted: their squares are scaled to it.
     noise_points : float
         Number of independent points, from the correlation of the noise.
     noise_mm : float
@@ -176,7 +176,10 @@ class Linearisation:
         return score
 
     def prior_distances(self) -> tuple[float, ...]:
-        """Return the estimate without each prior minus the mean of the prior, in standard deviations."""
+        """Return, for each prior on a parameter, how far the value fitted without it is from its mean.
+
+        The distances are in standard deviations of the difference.
+        """
         distances = []
         for z, slope in zip(self.law_priors, self.law_prior_slopes.T, strict=True):
             # Without this prior, its residual at the optimum would be z (1 + s' inv(H) s), with the variance 1 + s'
@@ -224,7 +227,8 @@ def independent_points(problem: Problem, misfits: tuple[Misfit, ...]) -> float:
 def linearise(problem: Problem, optimum: Optimum[Evaluation], likelihood_points: float | None = None) -> Linearisation:
     """Return the residuals of a fit (edges, tensile curves, priors) as linear functions of the unknowns.
 
-    ``likelihood_points`` is the number of independent points in the weights of the residuals.
+    The squares of the residuals are scaled to ``likelihood_points`` independent points, by default to the number that
+    the correlation of the residuals gives.
     """
     evaluation, distance = optimum.evaluation, optimum.distance
     n, misfits = len(optimum.unit), evaluation.comparison.misfits

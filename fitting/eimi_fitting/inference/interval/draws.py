@@ -66,7 +66,7 @@ def draw_noise(
     model_errors : ndarray, shape (C, n)
         Change of the unknowns by one standard deviation of each of C errors of the beam models.
     modulus_errors : ndarray, shape (C,)
-        Standard deviations of C errors of the modulus, which is the first unknown.
+        Standard deviation of a second, independent error of the modulus (the first unknown) for each of these C errors.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -133,5 +133,5 @@ def interval_95(values: Array) -> tuple[float, float]:
 
 
 def quantity(value: float, unit: str, drawn: Array, fit_alone: Array) -> Quantity:
-    """Return a value with its 95 % intervals: quantiles of the random draws ``drawn`` and ``fit_alone``."""
+    """Return a value with two 95 % intervals: from draws with all errors, and without errors of the inputs."""
     return Quantity(float(value), unit, interval_95(drawn), interval_95(fit_alone))

@@ -192,7 +192,7 @@ def estimate(
 
 
 def _if_uncertain(problem: Problem, about: Linearisation, covariance: Array) -> tuple[BudgetEntry, ...]:
-    """Return the effect on the modulus of each important input for which no file specifies an uncertainty."""
+    """Return the effects on the modulus of inputs without a specified uncertainty, if they had a usual one."""
     sources = considered(problem, about.unit, unstated_of(problem))
     sizes = steps_of(about, sources, covariance).sizes
     return budget_entries(sources, about.unit, sizes, lambda units: _modulus(problem.law, problem.unknowns, units))

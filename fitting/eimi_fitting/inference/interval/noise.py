@@ -77,7 +77,7 @@ class Effect:
 
     @property
     def remaining_share(self) -> float:
-        """Error of the fitted values with the accurate beam model, divided by ``moved``."""
+        """Share of the change of the fitted values by the accurate beam model that remains as its error."""
         return self.correction.refinement.remaining_share if self.share is None else self.share
 
 

@@ -5,8 +5,8 @@ i is
 
     D_i(t) = min of D(x) over all x with x_i = t
 
-(Raue et al. 2009, Bioinformatics 25:1923). An interval ends where D_i is h^2 / inv(H)_ii, with its half-width h from
-the covariance and the Hessian H of D / 2.
+(Raue et al. 2009, Bioinformatics 25:1923). Let H be the Hessian matrix of D / 2, and h the half-width of the interval
+that the covariance of the unknowns gives. The interval ends where D_i = h^2 / inv(H)_ii.
 """
 
 from __future__ import annotations
