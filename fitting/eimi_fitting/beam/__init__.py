@@ -3,7 +3,7 @@
 bending        `Beam`, the public model for every section
 specimen       the beam and its magnet
 rest_shape     the stress-free shape of a beam that is not a straight strip
-rest_modes     smooth deviations from the given rest shape
+rest_modes     smooth deviations from the rest shape
 strip          the map from a straight reference beam to the shape at rest
 loads          the loads in a sequence of load states: a sum of kinds of load (actuations)
 actuation      the interface of one kind of load

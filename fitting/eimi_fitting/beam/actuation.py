@@ -1,16 +1,7 @@
-"""The interface of an actuation: one kind of load, with its values in every load state and its forces on a mesh.
+"""The interface of one kind of load (an actuation), with its values in each load state and its forces on a mesh.
 
-A dead load is a force that keeps its direction and its size. A dead load f on a node with the displacement u has the
-potential -f . u.
-
-The magnet is a rigid body. Let U be the translation of its reference point, theta its rotation in rad, and R(theta) the
-matrix of this rotation. Every dead load on the magnet has a potential of the form
-
-    -F . U - Q : R(theta) - M theta,
-
-with a force F (2,), a tensor Q (2, 2) and a moment M. Two examples, with ^T for the transpose: a dipole m in a uniform
-field B has the energy -B . R m, so that F = 0, Q = B m^T and M = 0. A force f at the point s (a vector from the
-reference point, at rest) has F = f, Q = f s^T and M = 0.
+A dead load keeps its direction and size. With the translation U of the rigid magnet and the matrix R of its rotation
+theta, the potential of a dead load on the magnet is -F . U - Q : R - M theta (force F, tensor Q, moment M).
 """
 
 from __future__ import annotations
@@ -33,7 +24,7 @@ Array = NDArray[np.float64]
 class Actuation(Protocol):
     """One kind of load in K load states, described by m numbers in each state.
 
-    Any class with these members can be added to `Loads`. The forces must be linear in the m numbers.
+    The forces must be linear in the m numbers.
     """
 
     @property
@@ -42,35 +33,28 @@ class Actuation(Protocol):
         ...
 
     def take(self, states: NDArray[np.intp]) -> Self:
-        """Return the same kind of load in the load states with the given indices only, in the given order."""
+        """Return the load in the load states with the given indices only."""
         ...
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the load of one load state to the sum of all loads.
+        """Add the load of one load state to the sum of all loads, in place.
 
         Parameters
         ----------
         numbers : ndarray, shape (m,)
             The m numbers that describe the load in this state.
         field_factor : ndarray, shape (B,)
-            Factor on loads that a magnetic field causes, for each of B candidate laws.
+            Factor on magnetic loads for each of B candidate laws.
         mesh : LoadedMesh
-            The mesh with the integrals that are needed to compute forces. The mesh may be only a part of the specimen,
-            for example half of its depth. ``mesh.share`` is the fraction of a load on the specimen that acts on the
-            mesh.
+            The mesh. It carries the fraction ``mesh.share`` of a force on the specimen.
         total : SolidLoads
-            The sum of all loads, with one row for each candidate. This method adds to its arrays in place. A force on
-            the whole specimen must first be multiplied by ``mesh.share``.
+            The sum of all loads.
         """
         ...
 
 
 class Places(Protocol):
-    """The members of a mesh that are needed to compute loads, for example where the magnet is.
-
-    The mesh is built in a reference beam: a straight beam of constant width, which ``strip`` maps to the specimen at
-    rest.
-    """
+    """The geometry of a meshed specimen: where the magnet is, and which nodes share a force."""
 
     specimen: Specimen
     strip: Strip
@@ -81,23 +65,19 @@ class Places(Protocol):
     per_specimen: float
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
-
-        The reference beam is straight and has a constant width; the mesh is built in it. points_mm: the points at rest,
-        (n, 2).
-        """
+        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
+        """Return whether each of n points moves rigidly with the magnet, shape (n,).
 
-        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
+        points_mm: points (x, y) of the straight reference beam, (n, 2).
         """
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
         """Return the nodes that share a force, and the fractions of the force on them, (m, n) each.
 
-        The force is spread over m points through the depth; the element at each of these points has n nodes. point_mm:
-        the point (x, y) of the force in the reference beam, a straight beam of constant width.
+        The force is spread over m elements of n nodes through the depth. point_mm: the point (x, y) in the straight
+        reference beam.
         """
 
 
@@ -108,44 +88,38 @@ def _turned(vector: Array, angle_rad: Array | float) -> Array:
 
 
 class LoadedMesh:
-    """The mesh of a specimen, with the integrals over the silicone and the magnet that are needed to compute loads.
+    """The mesh of a specimen, with the integrals that are needed to compute loads.
 
     The mesh has N nodes with d coordinates, and E elements with n nodes each.
 
     Attributes
     ----------
     specimen : Specimen
-        The specimen whose mesh this is.
+        The specimen.
     share : float
-        The fraction of a load on the whole specimen that acts on the mesh. It is 1 / depth in 1/mm for a planar mesh,
-        and 1/2 for a solid mesh, which covers half of the depth. Masses, forces and moments below contain this factor.
+        The fraction of a load on the specimen that acts on the mesh.
     nodal_mass : ndarray, shape (N,)
-        Mass of the silicone at each node in kg (in kg per mm of depth for a planar mesh).
+        Mass of the silicone at each node in kg (in kg/mm for a planar mesh).
     slopes : ndarray, shape (N, d)
-        The integral over the silicone of the derivatives of each node's shape function, in mm² (in mm for a planar
-        mesh).
+        Integrals of the derivatives of the nodes' shape functions in mm² (in mm for a planar mesh).
     nodal_dipole : ndarray, shape (N,)
-        Factors d in N/T that give the forces of a uniform field B on magnetised silicone: the force on a node is d B.
-        They are zero if the silicone is not magnetised.
+        Forces on the nodes of magnetised silicone, divided by a uniform field, in N/T.
     element_dipole : ndarray, shape (E, n)
-        The contribution of each element to ``nodal_dipole``. This array and the next two exist only if the silicone is
-        magnetised.
+        The contribution of each element to ``nodal_dipole``.
     element_share : ndarray, shape (E, n)
-        Weights of an element's nodes. The weighted mean of the nodes' positions is the middle of the element.
+        Weights of an element's nodes that give the middle of the element.
     element_nodes_mm : ndarray, shape (E, n, 2)
-        Positions (x, y) of the nodes of each element at rest.
+        Positions (x, y) at rest of the nodes of each element.
     field_place_mm : ndarray, shape (2,)
-        The point (x, y) of the specimen at rest at which the field is specified, if the field is not uniform.
+        The point (x, y) at rest at which a non-uniform field is specified.
     magnet_mass : float
-        Mass of the rigid body, in the unit of ``nodal_mass``. The rigid body consists of the magnet and the silicone
-        that moves rigidly with the magnet.
+        Mass of the magnet and of the silicone that moves rigidly with it, in the unit of ``nodal_mass``.
     magnet_face_mm : ndarray, shape (2,)
-        The reference point of the rigid body at rest: the middle of the magnet's inner face.
+        The middle (x, y) at rest of the magnet's inner face.
     magnet_centre_mm : ndarray, shape (2,)
-        The middle of the magnet at rest, as a vector (x, y) from the reference point. It is taken as the centre of mass
-        of the rigid body.
+        Vector (x, y) at rest from the inner face to the middle of the magnet.
     magnet_dipole : ndarray, shape (2,)
-        Magnetic moment at rest in N mm/T.
+        Magnetic moment (x, y) at rest in N mm/T.
     """
 
     def __init__(self, grid: Places, solid: Solid) -> None:
@@ -182,11 +156,7 @@ class LoadedMesh:
             self.magnet_dipole = _turned(moment * np.array(magnet.direction), grid.turn_rad)
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map a point (x, y) of the reference beam to the specimen at rest, in mm.
-
-        straight_mm: the point (x, y) in the reference beam, a straight beam of constant width in which the mesh is
-        built.
-        """
+        """Map a point (x, y) of the straight reference beam to the specimen at rest, in mm."""
         return self._grid.strip.at_rest(straight_mm[None])[0]
 
     @property
@@ -200,17 +170,9 @@ class LoadedMesh:
         return self._dimensions == 3
 
     def apply_force(self, force: Array, point_mm: Array, total: SolidLoads) -> None:
-        """Add a dead force, which keeps its direction and size, to the sum of all loads.
+        """Add a force with constant direction and size to the sum of all loads, in place.
 
-        Parameters
-        ----------
-        force : ndarray, shape (2,)
-            Force (x, y) in N on the mesh. A mesh that contains only a part of the specimen, such as half of its depth,
-            carries this part (``share``) of the force on the specimen.
-        point_mm : ndarray, shape (2,)
-            Position (x, y) at rest of the material point on which the force acts.
-        total : SolidLoads
-            The sum of all loads, changed in place.
+        force: force (x, y) in N on the mesh, already multiplied by ``share``. point_mm: its point (x, y) at rest.
         """
         straight = self._grid.straightened(point_mm)
         if self._grid.on_magnet(straight)[0]:
@@ -223,16 +185,10 @@ class LoadedMesh:
             total.nodal[..., :2] += shares
 
     def loads(self, actuations: tuple[Actuation, ...], numbers: Array, field_factor: Array) -> SolidLoads:
-        """Return the sum of all kinds of load (``actuations``, such as field and gravity) in one load state.
+        """Return the sum of all kinds of load (``actuations``) in one load state.
 
-        Parameters
-        ----------
-        actuations : tuple of Actuation
-            The kinds of load.
-        numbers : ndarray, shape (m,)
-            The components of all kinds of load in this state, one kind after another, as `Loads.state` returns them.
-        field_factor : ndarray, shape (B,)
-            Factor on magnetic loads for each of B candidate laws, or shape (1,) for all candidates.
+        numbers: the components of all kinds of load, (m,). field_factor: factor on magnetic loads for each of B
+        candidate laws, (B,).
         """
         batch = len(field_factor)
         total = SolidLoads(

@@ -1,7 +1,6 @@
 """Band matrices of a batch of candidates (sets of parameters of a law): assembly, and factorisation by LAPACK.
 
-The matrices of the candidates are the diagonal blocks of one long band matrix. No entry couples two blocks. If all
-blocks are positive definite, LAPACK factorises the long matrix in one call.
+The matrices of the candidates are the diagonal blocks of one long band matrix.
 """
 
 from __future__ import annotations
@@ -19,18 +18,15 @@ _Layer = tuple[NDArray[np.integer], NDArray[np.integer], bool]
 
 
 def bandwidth(dofs: Indices) -> int:
-    """Return how far nonzero entries of the assembled stiffness matrix lie from its main diagonal, at most.
+    """Return the largest distance of nonzero entries of the assembled stiffness matrix from its main diagonal.
 
-    dofs: the numbers of the d unknowns of each of E elements, shape (E, d); -1 for an unknown that is fixed.
+    dofs: numbers of the d unknowns of each of E elements, (E, d); -1 for a fixed unknown.
     """
     return int((dofs.max(axis=1) - np.where(dofs < 0, dofs.max(), dofs).min(axis=1)).max())
 
 
 def _most_contributions(earlier: Indices) -> int:
-    """Return the largest number of elements that contribute to the same entry of the assembled matrix.
-
-    earlier: for each contribution, how many contributions to the same entry come before it.
-    """
+    """Return the largest number of elements that contribute to one entry of the assembled matrix."""
     return int(earlier.max(initial=0)) + 1
 
 
@@ -40,12 +36,11 @@ class BandAssembly:
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements in the assembled matrix; -1 if an unknown is fixed.
+        Numbers of the d unknowns of each of E elements; -1 for a fixed unknown.
     n : int
-        Number of unknowns of the assembled matrix.
+        Number of unknowns of the mesh.
     at_once : int or None
-        Number of elements in a group. The matrices of one group are computed and added before those of the next group,
-        which saves memory. None: all elements are one group.
+        Number of elements whose matrices are in memory at a time; None: all elements.
     """
 
     def __init__(self, dofs: Indices, n: int, at_once: int | None = None) -> None:
@@ -102,17 +97,13 @@ class BandAssembly:
         return indices
 
     def divided(self, element_matrices: Array) -> Iterator[Array]:
-        """Divide an array of element matrices into the groups of consecutive elements that are added together.
-
-        element_matrices: the d x d matrices of all E elements for B candidate laws, shape (E, B, d, d).
-        """
+        """Divide the d x d matrices of E elements for B candidate laws, (E, B, d, d), into groups of elements."""
         return (element_matrices[part] for part in self.parts)
 
     def matrix(self, parts: Iterable[Array]) -> Array:
-        """Return the band matrix of the whole mesh, the sum of the element matrices, (B, n, bandwidth + 1).
+        """Return the band matrix of the whole mesh for B candidate laws and n unknowns, (B, n, bandwidth + 1).
 
-        There are B candidate laws and n unknowns. parts: for each group of e consecutive elements, the matrices of
-        these elements, (e, B, d, d) with d unknowns in each element.
+        parts: the matrices of each group of e elements with d unknowns, (e, B, d, d).
         """
         band = np.zeros(0)
         for k, matrices in enumerate(parts):
@@ -128,10 +119,7 @@ class BandAssembly:
         return band.reshape(-1, self.n, self.bandwidth + 1)
 
     def vector(self, element_vectors: Array) -> Array:
-        """Return the vector of the whole mesh, the sum of the element vectors, for B candidate laws, (B, n).
-
-        There are n unknowns. element_vectors: vectors of E elements with d unknowns each, shape (E, B, d).
-        """
+        """Return the sum of the vectors of E elements with d unknowns each, (E, B, d), for the whole mesh, (B, n)."""
         elements, batch, d = element_vectors.shape
         total = self._sum @ element_vectors.transpose(0, 2, 1).reshape(elements * d, batch)
         return np.ascontiguousarray(total.T)
@@ -146,7 +134,7 @@ class BandFactor:
     sound : ndarray of bool, shape (B,)
         Whether each matrix could be factorised.
     indefinite : ndarray of bool, shape (B,)
-        Whether each matrix is not positive definite; False for all matrices if they are not symmetric.
+        Whether each matrix is symmetric and not positive definite.
     cholesky : ndarray or None
         Cholesky factors in LAPACK's storage.
     lu : tuple of ndarray, or None
@@ -164,7 +152,7 @@ class BandFactor:
     def solve(self, right: Array) -> Array:
         """Return the solutions for one right-hand side (B, n), or for m right-hand sides (m, B, n), in the same shape.
 
-        There are B matrices with n rows. The solution is zero for a matrix that could not be factorised.
+        The solution is zero for a matrix that could not be factorised.
         """
         right = np.where(self.sound[:, None], right, 0.0)
         if self.cholesky is None:
@@ -193,15 +181,13 @@ def factorise(
     Parameters
     ----------
     band : ndarray, shape (B, n, w)
-        Lower bands of B matrices with n rows: the main diagonal and the w - 1 diagonals below it.
+        Lower bands of B matrices with n rows and w diagonals.
     sound : ndarray of bool, shape (B,)
         True for the matrices that are factorised.
     upper : ndarray, shape (B, n, w), or None
-        Lower bands of the transposed matrices, if the matrices are not symmetric. All matrices are then factorised by
-        LU, and the result does not tell which matrices are positive definite.
+        Lower bands of the transposed matrices; None if the matrices are symmetric.
     only_definite : bool
-        True: do not factorise symmetric matrices that are not positive definite, and mark these matrices as not sound.
-        To save memory, the factors then overwrite ``band``.
+        Mark symmetric matrices that are not positive definite as not sound. The factors then overwrite ``band``.
     """
     sound = sound & bounded(band)
     band, k = _with_identity(band, sound), band.shape[-1] - 1
@@ -235,10 +221,7 @@ def factorise(
 def _general_factors(
     lower: Array, upper: Array, sound: NDArray[np.bool_]
 ) -> tuple[tuple[Array, Indices], NDArray[np.bool_]]:
-    """Return the LU factors and pivots of B band matrices, and whether each matrix could be factorised, shape (B,).
-
-    lower, upper: lower bands of the matrices and of their transposes, (B, n, w), with n rows and w diagonals.
-    """
+    """Return the LU factors and pivots of B band matrices, and whether each matrix could be factorised, shape (B,)."""
     n, width = lower.shape[1:]
     while True:
         full = _general(_with_identity(lower, sound), _with_identity(upper, sound))
@@ -250,7 +233,7 @@ def _general_factors(
 
 
 def bounded(values: Array) -> NDArray[np.bool_]:
-    """Return whether the sum of the squares of the entries is finite in each of B rows of an array, shape (B,)."""
+    """Return whether the sum of squares is finite in each of B rows of an array, shape (B,)."""
     if np.isfinite(np.vdot(values, values)):
         return np.ones(len(values), bool)
     flat = values.reshape(len(values), -1)
@@ -266,10 +249,7 @@ def _with_identity(band: Array, sound: NDArray[np.bool_]) -> Array:
 
 
 def _general(lower: Array, upper: Array) -> Array:
-    """Store B band matrices as one matrix in LAPACK's format for the LU factorisation, (3 w - 2, B n).
-
-    lower, upper: lower bands of the matrices and of their transposes, (B, n, w), with n rows and w diagonals.
-    """
+    """Store B band matrices with n rows and w diagonals as one matrix in LAPACK's format, (3 w - 2, B n)."""
     batch, n, width = lower.shape
     k = width - 1
     below, above = lower.reshape(batch * n, width), upper.reshape(batch * n, width)

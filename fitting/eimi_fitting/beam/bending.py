@@ -28,16 +28,14 @@ _ALONG = 26  # elements of the flexible part, twice as many as the search of a f
 class BentBeam:
     """The bent shapes for one candidate (set of parameters of a law), or for P candidates, in K load states.
 
-    If only one candidate was given, as parameters of shape (n,), the results have no axis of length P.
-
     Attributes
     ----------
     model : BeamModel or SolidModel
         The finite-element model that was solved.
     shapes : Shapes
-        The solution for all candidates. Its arrays have an axis of length P, even if only one candidate was given.
+        The solution for P candidates, with P = 1 for one candidate.
     is_one : bool
-        Whether only one candidate was given.
+        Whether the parameters of only one candidate were given, (n,). The results then have no axis of length P.
     """
 
     model: BeamModel | SolidModel
@@ -82,7 +80,7 @@ class BentBeam:
         Returns
         -------
         ndarray, shape (K, n, 2 or 3), or (P, K, n, 2 or 3) for P candidate laws
-            Positions in mm; NaN in a state without a solution, whose status is neither CONVERGED nor UNSTABLE.
+            Positions in mm; NaN in a state whose status is neither CONVERGED nor UNSTABLE.
 
         Raises
         ------
@@ -112,8 +110,8 @@ class BentBeam:
         -------
         ndarray, shape (K, 2, S, 3, 2), or (P, K, 2, S, 3, 2) for P candidate laws
             The left outline (y < 0 at rest), then the right outline. Each outline has S quadratic segments from clamp
-            to tip. Each segment is given by three points (x, y) in mm. NaN in a state without a solution, whose status
-            is neither CONVERGED nor UNSTABLE.
+            to tip. Each segment is given by three points (x, y) in mm. NaN in a state whose status is neither CONVERGED
+            nor UNSTABLE.
         """
         return self._rows(self._where_reached(outline(self.model, self.shapes, view)))
 

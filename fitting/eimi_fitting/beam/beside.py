@@ -1,10 +1,7 @@
-"""The solid model of a specimen, solved with the help of the planar model of the same specimen.
+"""The solid model of a specimen, solved at low cost with the help of a planar model.
 
-The planar model in plane stress bends almost like the solid model. The difference between the shapes of the two models
-is called the depth effect. It is a few hundredths of the deflection. Newton's method therefore needs only a few steps
-from the planar shape to the solid shape, in any state. The depth effect is a smooth function of the bending. It is
-computed in a few states and interpolated in the other states (`beam.depth_effect`). The interpolation saves most of the
-cost of the solid model.
+The depth effect is the shape of the solid model minus the shape of the planar model. It is a smooth function of the
+bending. It is computed in a few load states and interpolated between them (`beam.depth_effect`).
 """
 
 from __future__ import annotations
@@ -40,25 +37,25 @@ _LEAST_TURN = 1e-3  # rad; beams that turn less are ordered by their load
 
 @dataclass(frozen=True)
 class SolidOptions:
-    """Options for solving a solid model with the help of a planar one, and results of earlier solutions.
+    """Options for solving a solid model with the help of a planar model.
 
-    The depth effect is the difference between the shapes of the solid and of the planar model.
+    A depth effect is the difference between the shapes of the solid and of the planar model.
 
     Attributes
     ----------
     method : {"either", "interpolate", "follow"}
-        "interpolate": solve the solid model in a few load states and interpolate the depth effect. "follow": solve the
-        solid model in all states, one after another. "either": interpolate, and follow if the interpolation fails.
+        "interpolate": solve the solid model in a few load states and interpolate the depth effect. "follow": solve it
+        in all states, one after another. "either": follow if the interpolation fails.
     accuracy_mm : float
         Accuracy of the interpolation in mm.
     similar : tuple of DepthEffect
-        Known depth effects of similar candidate laws. Only the difference from the most suitable one is computed.
+        Depth effects of other candidate laws. The depth effect is computed as a correction of one of them.
     effect : DepthEffect or None
-        The depth effect, if it is already known. Only the planar model is then solved.
+        The known depth effect of this candidate law and these loads.
     earlier : DepthEffect or None
-        The depth effect of nearly the same candidate law, computed before for some of the present loads.
+        A depth effect that is valid for some of the loads. Load states are added to it.
     planar_shapes : Shapes or None
-        The shapes of the planar model for the same candidate law and loads, if they are already known.
+        The known shapes of the planar model.
     """
 
     method: Method = "either"
@@ -76,18 +73,14 @@ class SolidShapes(Shapes):
     Attributes
     ----------
     effect : DepthEffect or None
-        The interpolated difference between the solid and the planar shapes, if each shape was computed as the planar
-        shape plus this difference. The solid model was then solved in a few states at most. None: the solid model was
-        solved in all states one after another, or no solution was found.
+        The interpolated difference between the solid and the planar shapes; None if no difference was interpolated.
     """
 
     effect: DepthEffect | None = None
 
 
 class SolidBeside:
-    """The solid model of a specimen, solved at low cost with the help of a planar model.
-
-    One candidate law is solved at a time.
+    """The solid model of a specimen for one candidate law, solved at low cost with the help of a planar model.
 
     Parameters
     ----------
@@ -96,7 +89,7 @@ class SolidBeside:
     along, across : int
         Number of elements along the flexible part, and number of elements across the width.
     more : int
-        Number of additional elements over half of the depth.
+        Number of elements added in depth.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:
@@ -116,10 +109,7 @@ class SolidBeside:
         return SolidBeside(specimen, self.planar.along, self.planar.across, self.solid.more)
 
     def has_mesh_of(self, model: BeamModel) -> bool:
-        """Return whether a planar model has the same mesh and specimen as the planar model of this object.
-
-        The two specimens may differ in ``section``.
-        """
+        """Return whether a planar model has the mesh and the specimen of this object, apart from ``section``."""
         planar = self.planar
         same_lines = (planar.along, planar.across, planar.plane) == (model.along, model.across, model.plane)
         return same_lines and replace(planar.specimen, section=model.specimen.section) == model.specimen
@@ -142,14 +132,9 @@ class SolidBeside:
         law, loads, tolerance_mm, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         parameters : ndarray, shape (1, n)
-            The n parameters of the law for the candidate; moduli in Pa.
+            The n parameters of the law; moduli in Pa.
         options : SolidOptions or None
             How to solve the solid model; None for the default options.
-
-        Returns
-        -------
-        SolidShapes
-            The shapes, with the outcome of the solution in each state.
 
         Raises
         ------
@@ -188,10 +173,7 @@ class SolidBeside:
         return self._shapes(chosen, flat, lift, loads, effect)
 
     def _not_solved(self, flat: Shapes) -> SolidShapes:
-        """Return undeformed shapes with the status DIVERGED in every load state, for a law without a solution.
-
-        flat: the shapes of the planar model.
-        """
+        """Return undeformed shapes with the status DIVERGED in every load state."""
         return SolidShapes(
             displacement=np.zeros((*flat.status.shape, *self.mesh.nodes.shape)),
             rigid=np.zeros_like(flat.rigid),
@@ -229,11 +211,9 @@ class SolidBeside:
         tolerance_mm: float,
         options: SolidOptions,
     ) -> DepthEffect | None:
-        """Return the depth effect (solid minus planar shape) of a candidate law, from a few load states, or None.
+        """Return the interpolated difference of the solid and the planar shapes of a candidate law, or None.
 
-        None if a solution of the solid model fails, or if the loads do not lie on a straight line. chosen: the
-        candidate law. lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes
-        in all states.
+        lift: displacements of the planar model at the nodes of the solid mesh. flat: the planar shapes.
         """
         along = _along_ray(loads)
         if along is None:
@@ -281,9 +261,9 @@ class SolidBeside:
         predicted: Configuration | None,
         tolerance_mm: float,
     ) -> Configuration | None:
-        """Return the solid minus the planar configuration in one load state; None if Newton's method fails.
+        """Return the solid minus the planar configuration (``lifted``) in one load state, or None if this fails.
 
-        lifted: the planar configuration at the nodes of the solid mesh. predicted: the expected difference, if known.
+        predicted: the expected difference, if known.
         """
         batch, factor = chosen.take(np.arange(1))
         for start in ([] if predicted is None else [combine([1.0, 1.0], [lifted, predicted])]) + [lifted]:
@@ -295,28 +275,22 @@ class SolidBeside:
         return None
 
     def _in_space(self, flat: Shapes) -> Array:
-        """Return the planar displacements at the nodes of the solid mesh as vectors (x, y, 0), (1, K, n, 3) in mm.
-
-        There are K load states. The n points are the different positions (x, y) of the nodes, without regard to their
-        depth.
-        """
+        """Return the planar displacements (x, y, 0) at n points (x, y) in K load states, (1, K, n, 3) in mm."""
         moved = self.planar.displacements(flat, self._plan)
         return np.concatenate([moved, np.zeros((*moved.shape[:-1], 1))], axis=-1)
 
     def _as_solid(self, lift: Array, flat: Shapes, states: Indices) -> Configuration:
-        """Return the planar shapes in the load states ``states`` as configurations of the solid mesh.
+        """Return the planar shapes in some load states as configurations of the solid mesh, one row for each state.
 
-        The result has one row for each state. lift: the planar displacements as vectors (x, y, 0) in K load states, (1,
-        K, n, 3) in mm, from `_in_space`.
+        lift: the planar displacements (x, y, 0) in K load states, (1, K, n, 3) in mm.
         """
         rest = self.solid.solid.rest(len(states))
         return replace(rest, displacement=lift[0, states][:, self._column], rigid=flat.rigid[0, states])
 
     def _shapes(self, chosen: Candidates, flat: Shapes, lift: Array, loads: Loads, effect: DepthEffect) -> SolidShapes:
-        """Return the shapes of the solid model in all load states: the planar shapes plus the interpolated difference.
+        """Return the shapes of the solid model: the planar shapes ``flat`` plus the interpolated difference ``effect``.
 
-        flat: the planar shapes. lift: the planar displacements at the nodes of the solid mesh. effect: the difference
-        between the solid and the planar shapes.
+        lift: the planar displacements at the nodes of the solid mesh.
         """
         along = None if effect.by_turn else _along_ray(loads)
         places = self._turn(flat) if along is None else along
@@ -343,10 +317,7 @@ def _bent_candidate(chosen: Candidates, flat: Shapes) -> BentCandidate:
 
 
 def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEffect | None:
-    """Return the known difference of solid and planar shapes of an earlier, equal candidate law, or None.
-
-    Equal candidates have the same law, ratio of bulk to shear modulus, and planar displacements.
-    """
+    """Return the known difference of solid and planar shapes of an equal candidate law, or None."""
     for effect in options.similar:
         if effect.candidate and effect.candidate.is_alike(candidate, options.accuracy_mm):
             return effect
@@ -354,20 +325,10 @@ def _effect_of_equal(candidate: BentCandidate, options: SolidOptions) -> DepthEf
 
 
 def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...]) -> DepthEffect | None:
-    """Return the known depth effect that suits a new candidate law best, or None.
+    """Return the known difference of solid and planar shapes that suits a candidate law best, or None.
 
-    A depth effect is the difference between the solid and the planar shapes as a function of an amount of bending s.
-    The depth effect of the new candidate is then computed as a correction of the known one.
-
-    Parameters
-    ----------
-    places : ndarray, shape (K,)
-        The values of s in the K load states of the new candidate law.
-    by_turn : bool
-        Whether s is the rotation of the tip; otherwise it is the relative load, from 0 at the first load to 1 at the
-        farthest load from it.
-    similar : tuple of DepthEffect
-        The known depth effects of similar candidate laws.
+    places: rotation of the tip in rad (``by_turn``), or load from 0 to 1, in each of K load states, (K,). similar: the
+    known differences.
     """
     near = [e.without_base for e in similar if e.by_turn == by_turn and e.covers(places)]
     farthest = np.abs(places).max()
@@ -375,10 +336,9 @@ def _most_suitable(places: Array, by_turn: bool, similar: tuple[DepthEffect, ...
 
 
 def _along_ray(loads: Loads) -> Array | None:
-    """Return the relative size of each of K loads: its position on the straight line through all loads, (K,).
+    """Return the positions of K loads on the straight line through all loads, (K,), or None if they are not on a line.
 
-    The position is 0 for the first load and 1 for the load that differs most from the first. None if the loads do not
-    lie on a straight line.
+    The position is 0 for the first load and 1 for the farthest load.
     """
     numbers = np.array([loads.state(k) for k in range(len(loads))])
     from_first = numbers - numbers[0]

@@ -1,12 +1,7 @@
-"""The hexahedron with 27 nodes, evaluated for all elements and all candidate laws of a batch at once.
+"""The solid element: a hexahedron with 27 nodes, quadratic displacement and linear, discontinuous pressure.
 
-The displacement is quadratic. The pressure is linear and discontinuous between elements.
-
-The hexahedron is the solid counterpart of `eimi_fitting.beam.element`, with the same potential, array axes and
-functions. It has two Gauss points along the beam, three across and three in depth. With zero displacements in depth it
-is an element of plane strain.
-
-Symmetric tensors have six components 11, 22, 33, 12, 23, 13 as their first axis, as in `eimi_fitting.beam.isotropy`.
+It has two Gauss points along the beam, three across and three in depth. All elements and candidate laws are evaluated
+together. The first axis of a symmetric tensor has the components 11, 22, 33, 12, 23, 13.
 """
 
 from __future__ import annotations
@@ -33,14 +28,12 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a solid mesh, to compute forces and stiffnesses.
-
-    They depend only on the geometry of the mesh, which has E elements with q Gauss points each.
+    """Integrals and derivatives of the shape functions of a solid mesh: E elements with q Gauss points each.
 
     Attributes
     ----------
     gradient : ndarray, shape (E, 27, 3 q)
-        Derivatives of the 27 shape functions by the three coordinates at the q Gauss points, in 1/mm.
+        Derivatives of the shape functions by x, y and z at the Gauss points, in 1/mm.
     weighted : ndarray, shape (E, 3 q, 27)
         Transpose of ``gradient`` multiplied by ``weights``.
     basis : ndarray, shape (E, q, 4)
@@ -52,7 +45,7 @@ class Operators:
     slope : ndarray, shape (E, 27, 3)
         Integrals of the derivatives of the shape functions in mm².
     weights : ndarray, shape (E, q)
-        Weights of the Gauss points in an integral over the element, in mm³.
+        Weights of the Gauss points in mm³.
     """
 
     gradient: Array
@@ -70,7 +63,7 @@ def operators(mesh: Bricks) -> Operators:
     Raises
     ------
     ValueError
-        An element is folded: its map from the reference cube has a determinant that is not positive.
+        An element is folded.
     """
     rules = [np.polynomial.legendre.leggauss(n) for n in (2, 3, 3)]
     places = [g.ravel() for g in np.meshgrid(*(r[0] for r in rules), indexing="ij")]
@@ -98,24 +91,21 @@ def operators(mesh: Bricks) -> Operators:
 
 
 def mixed(batch: Batch) -> bool:
-    """Return whether the pressure is an unknown beside the displacements: always True for solid elements."""
+    """Return whether the pressure is an unknown: always True for solid elements."""
     return True
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients du_i/dX_j, (3, 3, E, B, q), for nodal displacements u, (E, B, 3, 27) in mm.
-
-    The first axis is i, the second j. There are E elements with q Gauss points each, and B candidate laws.
-    """
+    """Return du_i/dX_j at q points of E elements for B candidate laws, (3, 3, E, B, q), from u, (E, B, 3, 27) in mm."""
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 3, 27), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 3, 3, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (E, B, 3, 27) in mm.
+    """Return the largest principal stretch (E, B, q) at q Gauss points of E elements for B candidate laws.
 
-    There are E elements with q Gauss points each, and B candidate laws.
+    nodal: displacements in mm, (E, B, 3, 27).
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -141,14 +131,13 @@ class Evaluation(NamedTuple):
     J : ndarray, shape (E, B, q)
         Determinant of F.
     S : ndarray, shape (6, E, B, q)
-        Second Piola-Kirchhoff stress in MPa, with the contribution of the pressure.
+        Second Piola-Kirchhoff stress in MPa.
     D : ndarray, shape (6, 6, E, B, q)
         Derivative of S by the Green strain, in MPa.
     volume : ndarray, shape (6, E, B, q)
-        Derivative of S by the pressure, J C^-1 with C = F^T F.
+        Derivative of S by the pressure.
     valid : ndarray of bool, shape (B,)
-        True for a candidate whose J exceeds 0.001 at all Gauss points. A smaller J is the sign of an element that is
-        folded over; the other values of the candidate then have no meaning.
+        Whether J exceeds 0.001 at all Gauss points.
     """
 
     force: Array
@@ -161,10 +150,9 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return forces and stresses for nodal displacements, (E, B, 3, 27) in mm, and pressures, (E, B, 4) in MPa.
+    """Return forces and stresses of E elements for B candidate laws.
 
-    There are E elements and B candidate laws. The four pressures are coefficients of the pressure functions of an
-    element.
+    nodal: displacements in mm, (E, B, 3, 27). pressure: coefficients of the pressure functions in MPa, (E, B, 4).
     """
     F = gradients(ops, nodal)
     F[range(3), range(3)] += 1
@@ -189,20 +177,15 @@ def _determinant(F: Array) -> Array:
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of E hexahedra for B candidate laws, (E, B, 81, 81) in N/mm.
+    """Return the tangent stiffness of E hexahedra for B candidate laws at constant pressure, (E, B, 81, 81) in N/mm.
 
-    The pressures in the elements are held fixed in the derivative. predicted: the stress for the geometric part of the
-    stiffness, six components, (6, E, B, q) in MPa at q Gauss points. In Newton's method this is the stress that the
-    preceding linear step predicts.
+    predicted: the stress for the geometric part of the stiffness, (6, E, B, q) in MPa at q Gauss points.
     """
     return np.concatenate(list(tangents(ops, ev, predicted)))
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield the tangent stiffness of the elements in groups, to save memory; see `stiffness`.
-
-    Each array belongs to e consecutive elements and B candidate laws, (e, B, 81, 81) in N/mm.
-    """
+    """Yield the tangent stiffness of each group of e elements, (e, B, 81, 81) in N/mm; see `stiffness`."""
     for some in _parts(len(ops.basis)):
         F, D = ev.F[:, :, some], ev.D[:, :, some]
         n, b = F.shape[2:4]
@@ -227,9 +210,9 @@ def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of each element's volume by its displacements, (E, B, 81, 4) in mm².
+    """Return the derivatives of E elements' volumes by their displacements for B candidate laws, (E, B, 81, 4) in mm².
 
-    There are E elements and B candidate laws. The volume is weighted by each of four pressure functions.
+    The volume is weighted by each of four pressure functions.
     """
     n, b = ev.J.shape[:2]
     cofactor = isotropy.turned(ev.F, ev.volume).transpose(2, 3, 0, 1, 4).reshape(n, b * 3, 3 * POINTS)
@@ -241,15 +224,14 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def _parts(elements: int) -> list[slice]:
-    """Return slices that divide the elements of a mesh into groups of at most `AT_ONCE` elements."""
+    """Return slices that divide the elements into groups of at most `AT_ONCE` elements."""
     return [slice(first, first + AT_ONCE) for first in range(0, elements, AT_ONCE)]
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array) -> Array:
-    """Return the second Piola-Kirchhoff stress after one linear step of Newton's method, (6, E, B, q) in MPa.
+    """Return the second Piola-Kirchhoff stress after a linear step, (6, E, B, q) in MPa at q points of E elements.
 
-    The six components are those of E elements with q Gauss points each, for B candidate laws. step, pressure_step:
-    changes of the displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
+    step, pressure_step: changes of the displacements in mm, (E, B, 3, 27), and of the pressures in MPa, (E, B, 4).
     """
     h = gradients(ops, step)
     g = np.stack([[(ev.F[:, I] * h[:, J]).sum(axis=0) for J in range(3)] for I in range(3)])

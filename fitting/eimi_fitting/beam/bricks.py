@@ -22,8 +22,7 @@ class Bricks:
     nodes : ndarray, shape (N, 3)
         Positions (x, y, z) of the nodes in mm.
     elements : ndarray of int, shape (E, 27)
-        Indices of the 27 nodes of each element. Column 9 i + 3 j + k has the i-th node along the beam, the j-th across
-        and the k-th in depth (i, j, k = 0, 1, 2).
+        Indices of the nodes of each element, in the order along, across, in depth; the last index changes fastest.
     numbers : ndarray of int, shape (nodes along, nodes across, nodes in depth)
         Index of the node at each point of the grid.
     """
@@ -41,7 +40,7 @@ def brick_mesh(
 ) -> Bricks:
     """Return a mesh of hexahedra between grid lines at the increasing coordinates x_mm, y_mm and z_mm.
 
-    mapping: function of x, y and z in mm that returns the positions of the nodes; None: the nodes stay on the grid.
+    mapping: function of x, y and z in mm that moves the nodes; None: they stay on the grid.
     """
     lines = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in (x_mm, y_mm, z_mm)]
     along, across, deep = (len(line) for line in lines)
@@ -58,10 +57,7 @@ def brick_mesh(
 
 
 def shape_functions(xi: Array, eta: Array, zeta: Array) -> tuple[Array, Array]:
-    """Return 27 Lagrange shape functions at n points of the reference cube, (n, 27), and derivatives, (n, 27, 3).
-
-    xi, eta, zeta: coordinates (n,) of the points, -1 to 1.
-    """
+    """Return 27 Lagrange functions, (n, 27), and their derivatives, (n, 27, 3), at n points of the cube (-1 to 1)."""
     (a, da), (b, db), (c, dc) = (quadratic_line(s) for s in (xi, eta, zeta))
 
     def product(f: Array, g: Array, h: Array) -> Array:

@@ -1,14 +1,7 @@
 """The non-uniform field of a coil, and the loads of this field on a magnet and on magnetised silicone.
 
-Let F be the field at the position that the magnet has at rest. The field at another point p in the plane of the beam
-differs from F by a factor and by an angle. Written as complex numbers, B = B_x + i B_y and F = F_x + i F_y, the two
-fields are therefore related by B(p) = q(p) F, with a complex factor q(p). The same factor is used for all currents of
-the coil and for all directions of F. At the position of the magnet at rest, q = 1.
-
-A rigid dipole m at the point p has the energy -m . B(p). The torque on it is the vector product of m and B(p), and
-component i of the force on it is the sum of m_j dB_j/dp_i over j. A magnet is replaced by a dipole in its middle. The
-error of this replacement is proportional to the second derivatives of B, which are small if the magnet is much smaller
-than the coil. For a cubic magnet the contributions of the second derivatives cancel.
+Fields in the plane of the beam are complex numbers B_x + i B_y. The field at a point is q F, with the field F at the
+magnet at rest and a complex ratio q that depends on the point only. A magnet is replaced by a dipole in its middle.
 """
 
 from __future__ import annotations
@@ -31,7 +24,7 @@ _SYMMETRIC = np.array([[3, 4], [4, 5]])  # where the second derivatives are in _
 
 
 def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array, Array]:
-    """Return the radial and the axial flux density of a circular current loop, divided by the current.
+    """Return the radial and the axial flux density of a circular current loop, divided by the current, in T/A.
 
     Parameters
     ----------
@@ -42,15 +35,9 @@ def loop_field(radial_m: Array, axial_m: Array, radius_m: float) -> tuple[Array,
     radius_m : float
         Radius of the loop in m.
 
-    Returns
-    -------
-    radial, axial : ndarray
-        Flux density divided by the current, in T/A, in the shape of ``radial_m``.
-
     Notes
     -----
-    Biot and Savart's law, evaluated with the complete elliptic integrals K and E (Smythe 1989, Static and Dynamic
-    Electricity, section 7.10).
+    Evaluated with complete elliptic integrals (Smythe 1989, Static and Dynamic Electricity, section 7.10).
     """
     rho, z, a = np.abs(radial_m), axial_m, radius_m
     outer, inner = (a + rho) ** 2 + z**2, (a - rho) ** 2 + z**2
@@ -71,9 +58,9 @@ class FieldTable:
     Parameters
     ----------
     x_mm, y_mm : ndarray, shapes (n,) and (m,)
-        Increasing coordinates of the grid's lines; at least four lines in each direction.
+        Increasing coordinates of at least four grid lines each.
     field : ndarray, shape (n, m, 2)
-        The components of the field along x and y at the n m points of the grid, in any unit.
+        Components (x, y) of the field at the points of the grid, in any unit.
     """
 
     x_mm: Array
@@ -89,19 +76,18 @@ class FieldTable:
         Parameters
         ----------
         radius_mm, gap_mm : float
-            Radius of the loops, and distance between the planes of the loops; 0 for a single loop.
+            Radius of the loops, and distance between them; 0 for a single loop.
         centre_mm : tuple of float
-            The point on the axis half-way between the loops, in the plane of the beam.
+            The middle (x, y) between the loops.
         axis : tuple of float
-            Unit vector along the axis.
+            Unit vector (x, y) along the axis.
         reach_mm : float
-            Size of the table: it covers ``reach_mm`` from the clamp toward the tip and to both sides, and a quarter of
-            ``reach_mm`` behind the clamp.
+            Length of the table from the clamp toward the tip and to both sides.
 
         Raises
         ------
         ValueError
-            A loop passes through the table. The field of a loop is infinite on the loop itself.
+            A loop passes through the table.
         """
         steps = int(np.ceil(np.clip(reach_mm, 20.0, 100.0)))
         places = np.linspace(-reach_mm, reach_mm, 2 * steps + 1)
@@ -138,7 +124,7 @@ class FieldTable:
         return np.array([real.ev(x, y, i, j) + 1j * imaginary.ev(x, y, i, j) for i, j in _DERIVATIVES])
 
     def covers(self, points_mm: Array) -> bool:
-        """Return whether all of n points (x, y), (n, 2) in mm, lie inside the grid of this table."""
+        """Return whether all of n points (x, y), (n, 2) in mm, lie inside the grid."""
         x, y = points_mm.T
         inside = (x >= self.x_mm[0]) & (x <= self.x_mm[-1]) & (y >= self.y_mm[0]) & (y <= self.y_mm[-1])
         return bool(inside.all())
@@ -146,17 +132,16 @@ class FieldTable:
 
 @dataclass(frozen=True, eq=False)
 class CoilShape:
-    """The field of a coil as a function of position, relative to the field at the position of the magnet at rest.
+    """The field of a coil at any point, relative to the field at the magnet at rest.
 
     Parameters
     ----------
     axis : tuple of float
-        Unit vector (x, y) along the axis of the coil, in the beam frame. The parts of the field that ``gradient_per_m``
-        and ``curvature_per_m2`` describe are symmetric about this axis.
+        Unit vector (x, y) along the axis of the coil.
     gradient_per_m : tuple of float
-        Relative change of the field strength per metre along x and along y. It is added to the gradient of the table.
+        Relative change of the field strength per metre along x and along y, added to the gradient of the table.
     table : FieldTable or None
-        The field at the points of a grid. None: the field is uniform except for gradient and curvature.
+        The field at the points of a grid; None: uniform except for gradient and curvature.
     curvature_per_m2 : float
         Half of the second derivative of the relative field strength along the axis, in 1/m².
     """
@@ -167,22 +152,19 @@ class CoilShape:
     curvature_per_m2: float = 0.0
 
     def ratio(self, points_mm: Array, rest_mm: Array) -> tuple[Complex, Complex, Complex]:
-        """Return the ratio q of the field at B points to the field at a reference point, and the derivatives of q.
-
-        A field is written as the complex number B_x + i B_y. The complex ratio of two fields then describes the
-        difference both of their strengths and of their directions.
+        """Return the complex ratio q of the field at B points to the field at a reference point, and its derivatives.
 
         Parameters
         ----------
         points_mm : ndarray, shape (B, 2)
-            Coordinates x and y of the B points.
+            The B points (x, y).
         rest_mm : ndarray, shape (2,)
-            The reference point (x, y), at which q = 1.
+            The reference point (x, y).
 
         Returns
         -------
         q, first, second : ndarray, complex, shapes (B,), (B, 2) and (B, 2, 2)
-            The ratio, its first derivatives by x and y in 1/mm, and its second derivatives in 1/mm².
+            The ratio, its first derivatives in 1/mm, and its second derivatives in 1/mm².
         """
         values = np.zeros((6, len(points_mm)), complex)
         values[0] = 1.0
@@ -196,12 +178,7 @@ class CoilShape:
         return values[0], values[1:3].T, np.moveaxis(values[_SYMMETRIC], -1, 0)
 
     def _curved(self, from_rest_mm: Array) -> Complex:
-        """Return the contribution of ``curvature_per_m2`` to the field ratio and its derivatives at B points, (6, B).
-
-        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number. Its
-        derivatives are those by x, y, xx, xy and yy. from_rest_mm: vectors (x, y) from the magnet at rest to the
-        points, (B, 2).
-        """
+        """Return the contribution of ``curvature_per_m2`` to the field ratio and its derivatives at B points."""
         # At s along the axis and t across it, the curvature c adds c (s^2 - t^2 / 2) along the axis and -c s t across
         # it.
         (a, b), c = self.axis, 1e-6 * self.curvature_per_m2
@@ -219,10 +196,7 @@ class CoilShape:
 
     @property
     def _slope(self) -> Complex:
-        """The contribution of ``gradient_per_m`` to the x and y derivatives of the field ratio, complex, (2,), in 1/mm.
-
-        The field ratio is the field at a point divided by the field at the magnet at rest, as a complex number.
-        """
+        """The contribution of ``gradient_per_m`` to the x and y derivatives of the field ratio, (2,) in 1/mm."""
         along, across = np.array(self.axis), np.array([-self.axis[1], self.axis[0]])
         h, g = 1e-3 * np.array(self.gradient_per_m) @ np.stack([along, across], axis=1)
         # h and g are the derivatives of the component along the axis, along and across it. The field has no curl and no
@@ -238,16 +212,15 @@ class DipoleInField:
     Parameters
     ----------
     shape : CoilShape
-        The ratio of the field at any point to the field at the position of the magnet at rest.
+        The field at any point, relative to ``field_T``.
     dipole : ndarray, shape (2,)
-        Magnetic moment at rest in N mm/T.
+        Magnetic moment (x, y) at rest in N mm/T.
     arm_mm : ndarray, shape (2,)
-        Vector (x, y) from the reference point of the body to the dipole, at rest.
+        Vector (x, y) at rest from the reference point of the body to the dipole.
     reference_mm : ndarray, shape (2,)
-        Position (x, y) of the reference point at rest.
-    field_T : ndarray, shape (B, 2)
-        The field (x, y) at the position of the dipole at rest, for each of B candidate laws, or shape (1, 2) for all
-        candidates.
+        The reference point (x, y) at rest.
+    field_T : ndarray, shape (B, 2) or (1, 2)
+        The field (x, y) at the dipole at rest, for each of B candidate laws.
     """
 
     shape: CoilShape
@@ -257,21 +230,12 @@ class DipoleInField:
     field_T: Array
 
     def load(self, rigid: Array) -> tuple[Array, Array]:
-        """Return the magnetic force and torque on the body and the stiffness that is due to them.
+        """Return the magnetic force in N and torque in N mm, (B, 3), and their stiffness, (B, 3, 3).
 
-        Parameters
-        ----------
-        rigid : ndarray, shape (B, 3)
-            Translation of the body in mm and rotation in rad, for each of B candidate laws.
-
-        Returns
-        -------
-        load : ndarray, shape (B, 3)
-            Force in N and torque in N mm: minus the first derivatives by ``rigid`` of the energy -m . B, with the
-            magnetic moment m and the field B.
-        stiffness : ndarray, shape (B, 3, 3)
-            Second derivatives of the energy by ``rigid``.
+        rigid: translation of the body in mm and rotation in rad for B candidate laws, (B, 3).
         """
+        # The load is minus the first derivative of the energy -m . B, and the stiffness is the second derivative. The
+        # error of one dipole for a magnet is proportional to the second derivatives of B. They cancel for a cube.
         turn = np.exp(1j * rigid[:, 2])
         arm = turn * (self.arm_mm @ [1, 1j])
         place = self.reference_mm + rigid[:, :2] + np.stack([arm.real, arm.imag], axis=1)
@@ -299,17 +263,17 @@ class SiliconeInField:
     Parameters
     ----------
     shape : CoilShape
-        The ratio of the field at any point to the field at the position of the magnet at rest.
+        The field at any point, relative to ``field_T``.
     rest_mm : ndarray, shape (2,)
         The point (x, y) at rest at which the field is ``field_T``.
     nodes_mm : ndarray, shape (E, n, 2)
         Positions (x, y) at rest of the n nodes of each of E elements.
     shares : ndarray, shape (E, n)
-        Weights of the nodes. The weighted sum of the nodes' present positions is the position of the dipole.
+        Weights of the nodes that give the position of the dipole.
     dipoles : ndarray, shape (E, n)
-        Factors in N/T. The sum of the nodes' present positions, multiplied by these factors, is the dipole moment.
-    field_T : ndarray, shape (B, 2)
-        The field (x, y) at ``rest_mm`` for each of B candidate laws, or shape (1, 2) for all candidates.
+        Factors on the positions of the nodes that give the dipole moment, in N/T.
+    field_T : ndarray, shape (B, 2) or (1, 2)
+        The field (x, y) at ``rest_mm`` for each of B candidate laws.
     """
 
     shape: CoilShape
@@ -320,19 +284,9 @@ class SiliconeInField:
     field_T: Array
 
     def load(self, nodal: Array) -> tuple[Array, Array]:
-        """Return the magnetic forces on the nodes and the stiffness that is due to these forces.
+        """Return the magnetic forces on the nodes in N, (E, B, d, n), and their stiffness in N/mm, (E, B, d, n, d, n).
 
-        Parameters
-        ----------
-        nodal : ndarray, shape (E, B, d, n)
-            Displacements in mm in d dimensions of the n nodes of each element, for B candidate laws.
-
-        Returns
-        -------
-        force : ndarray, shape (E, B, d, n)
-            Minus the first derivatives of the magnetic energy by the displacements, in N.
-        stiffness : ndarray, shape (E, B, d, n, d, n)
-            Second derivatives of the magnetic energy by the displacements in N/mm.
+        nodal: displacements in mm of the n nodes of E elements in d dimensions for B candidate laws, (E, B, d, n).
         """
         e, b, d, n = nodal.shape
         moved = nodal[:, :, :2] + self.nodes_mm.swapaxes(1, 2)[:, None]  # (E, B, 2, n)

@@ -1,17 +1,10 @@
-"""The depth effect: the difference between the solid and the planar model of a beam, as a polynomial in the bending.
+"""The depth effect: the configuration of the solid model minus the configuration of the planar model.
 
-Let u_s be the configuration of the solid model and u_p the configuration of the planar model under the same loads. The
-depth effect d = u_s - u_p is a smooth function of a scalar s. If the rotation of the tip changes monotonically along
-the loads, s is the rotation of the tip of the planar model in rad. Otherwise s is the position of the load on a
-straight line: the load of a state is a vector of numbers, such as the components of the field, and the loads of all
-states must lie on one line. s is 0 at the first load and 1 at the farthest load from it (`beam.beside`). The solid
-model is solved in n states, at the values s_i of s. The depth effect d_i in these states is interpolated by Lagrange's
-polynomial,
+It is a polynomial in s, the rotation of the tip or the load from 0 to 1. With the depth effects d_i at n values s_i,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
-The base b is the depth effect of a similar candidate law, or zero. The difference from a base is small, and therefore
-fewer solved states are needed.
+The base b is the depth effect of a similar candidate law, or zero.
 """
 
 from __future__ import annotations
@@ -34,10 +27,7 @@ _SAME_BULK = 1e-3  # relative difference between ratios of bulk to shear modulus
 
 @dataclass(frozen=True)
 class BentCandidate:
-    """The properties of a candidate law that decide whether it has the same depth effect as another candidate.
-
-    The depth effect is the difference between the displacements of the solid and of the planar model. It is not
-    computed again for a candidate that agrees with an earlier one in these properties.
+    """The properties of a candidate law on which the difference of its solid and planar shapes depends.
 
     Attributes
     ----------
@@ -46,7 +36,7 @@ class BentCandidate:
     bulk_ratio : float
         Bulk modulus divided by initial shear modulus.
     planar : ndarray, shape (1, K, N, 2)
-        Displacements of the N nodes of the planar model in K load states, in mm.
+        Displacements of N nodes of the planar model in K load states, in mm.
     """
 
     law: Law
@@ -54,10 +44,7 @@ class BentCandidate:
     planar: Array
 
     def is_alike(self, other: BentCandidate, within_mm: float) -> bool:
-        """Return whether another candidate has the same law, bulk ratio and planar displacements.
-
-        within_mm: two displacements count as the same if they differ by at most this length.
-        """
+        """Return whether law, bulk ratio and (within ``within_mm``) displacements of two candidates are equal."""
         same = self.law is other.law and abs(self.bulk_ratio / other.bulk_ratio - 1) < _SAME_BULK
         same = same and self.planar.shape == other.planar.shape
         return same and bool(np.abs(self.planar - other.planar).max() < within_mm)
@@ -65,25 +52,20 @@ class BentCandidate:
 
 @dataclass(frozen=True)
 class DepthEffect:
-    """The difference d(s) between the shapes of the solid and of the planar model, for an amount of bending s.
-
-    The solid model is solved in a few load states only. Between these states, d is interpolated by a polynomial in s.
-    The amount of bending s is the rotation of the tip or the relative load, see ``by_turn``.
+    """The difference d(s) between the shapes of the solid and of the planar model, a polynomial in s.
 
     Attributes
     ----------
     places : tuple of float
-        The values of s in the load states in which the solid model was solved.
+        The values of s at which the solid model was solved.
     differences : tuple of Configuration
-        The configuration of the solid model minus that of the planar model in each of these states.
+        The values of d: solid minus planar configuration.
     by_turn : bool
-        True: s is the rotation of the tip of the planar model in rad. False: s is the position of the load on the
-        straight line through the loads of all states, 0 at the first load and 1 at the farthest load from it.
+        True: s is the rotation of the tip in rad. False: s is the load, 0 for the first and 1 for the farthest load.
     base : DepthEffect or None
-        The depth effect of a similar candidate law. Only the small difference from ``base`` is interpolated; if
-        ``by_turn``, this difference is taken as zero at s = 0. None: d itself is interpolated.
+        The depth effect of a similar candidate law, to which the polynomial is added.
     candidate : BentCandidate or None
-        The candidate law for which d was computed.
+        The candidate law.
     """
 
     places: tuple[float, ...]
@@ -93,9 +75,9 @@ class DepthEffect:
     candidate: BentCandidate | None = None
 
     def at(self, place: float) -> Configuration:
-        """Return the solid minus the planar configuration for one amount of bending, by interpolation.
+        """Return the interpolated difference of the solid and the planar configuration.
 
-        place: the amount of bending: the rotation of the tip in rad, or the relative load; see ``by_turn``.
+        place: rotation of the tip in rad, or load from 0 to 1.
         """
         weights = self._weights(place)
         if self.base is None:
@@ -103,19 +85,19 @@ class DepthEffect:
         return combine([1.0, *weights], [self.base.at(place), *self._from_base])
 
     def displacements(self, places: Array) -> tuple[Array, Array]:
-        """Return the displacements of the solid model minus those of the planar model, interpolated in K load states.
+        """Return the interpolated difference of solid and planar displacements in K load states.
 
         Parameters
         ----------
         places : ndarray, shape (K,)
-            The amount of bending in each state: the rotation of the tip in rad, or the relative load; see ``by_turn``.
+            Rotation of the tip in rad, or load from 0 to 1, in each state.
 
         Returns
         -------
         displacement : ndarray, shape (K, N, 3)
-            Difference of the displacements of the N nodes in mm.
+            Difference at N nodes in mm.
         rigid : ndarray, shape (K, 3)
-            Difference of the magnet's translation in mm and of its rotation in rad.
+            Difference of the magnet's translation in mm and rotation in rad.
         """
         configurations = self.differences if self.base is None else self._from_base
         if not configurations:
@@ -132,37 +114,27 @@ class DepthEffect:
     def _weights(self, place: float) -> list[float]:
         """Return the weights of Lagrange's interpolation between the load states in which the solid model was solved.
 
-        place: the amount of bending at which the result is interpolated: the rotation of the tip in rad, or the
-        relative load.
+        place: rotation of the tip in rad, or load from 0 to 1.
         """
         nodes = (*self.places, *self.places_of_base)
         return [prod((place - s) / (t - s) for s in nodes if s != t) for t in self.places]
 
     @cached_property
     def _from_base(self) -> tuple[Configuration, ...]:
-        """The solid minus the planar configuration, less that of a similar candidate law (``base``).
-
-        There is one difference for each load state in which the solid model was solved.
-        """
+        """The differences of solid and planar shapes minus those of a similar law (``base``)."""
         assert self.base
         pairs = zip(self.places, self.differences, strict=True)
         return tuple(combine([1.0, -1.0], [difference, self.base.at(place)]) for place, difference in pairs)
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The amount of bending at which the difference from a similar candidate law is taken as zero: (0,) or none.
-
-        The amount of bending is the rotation of the tip. The solid minus the planar configuration is interpolated
-        through this value and through the load states in which the solid model was solved.
-        """
+        """The rotations of the tip, (0,) or (), at which the difference from ``base`` is zero."""
+        # At a rotation of zero, the difference from ``base`` is taken as zero.
         return (0.0,) if self.base and self.by_turn else ()
 
     @cached_property
     def without_base(self) -> DepthEffect:
-        """The difference of the solid from the planar model as one polynomial in the amount of bending.
-
-        The result makes no reference to the difference that was computed for a similar candidate law (``base``).
-        """
+        """The difference of solid and planar shapes as one polynomial, without ``base``."""
         if self.base is None or not self.places:
             return self.base or self
         scale = self.places[0] / self.base.places[0] if self.by_turn else 1.0
@@ -170,30 +142,23 @@ class DepthEffect:
         return DepthEffect(places, tuple(self.at(place) for place in places), self.by_turn)
 
     def covers(self, places: Array) -> bool:
-        """Return whether the difference of solid and planar shapes may be used for another candidate law.
+        """Return whether the polynomial without ``base`` is valid in all of K load states.
 
-        places: the amount of bending of the other candidate in each of K load states (the rotation of the tip in rad,
-        or the relative load), shape (K,).
+        places: rotation of the tip in rad, or load from 0 to 1, in each state, (K,).
         """
         return bool(self.without_base.reaches(places).all())
 
     def reaches(self, places: Array) -> NDArray[np.bool_]:
-        """Return whether the interpolation is valid for each of K amounts of bending, shape (K,).
+        """Return whether the interpolation is valid in each of K load states, (K,): at most 10 % outside its range.
 
-        It is valid between the smallest and the largest bending through which it was computed, and outside by at most
-        10 % of this range. places: the amounts of bending (the rotation of the tip in rad, or the relative load), shape
-        (K,).
+        places: rotation of the tip in rad, or load from 0 to 1, in each state, (K,).
         """
         solved = (*self.places, *self.places_of_base)
         beyond = _EXTRAPOLATED * np.ptp(solved)
         return np.asarray((min(solved) - beyond <= places) & (places <= max(solved) + beyond))
 
     def thinned(self, most: int) -> DepthEffect:
-        """Return an interpolation through at most ``most`` of the load states in which the solid model was solved.
-
-        The interpolated quantity is the solid minus the planar configuration. It must not be stored as a difference
-        from that of a similar candidate law (``base``).
-        """
+        """Return an interpolation through at most ``most`` of the load states in which the solid model was solved."""
         chosen = [int(np.argmax(np.abs(self.places)))]
         places = np.array(self.places)
         while len(chosen) < min(most, len(places)):
@@ -203,9 +168,8 @@ class DepthEffect:
         )
 
     def with_one(self, place: float, difference: Configuration) -> DepthEffect:
-        """Return the interpolation with one more load state in which the solid model was solved.
+        """Return the interpolation through one more load state.
 
-        place: the amount of bending in this state (the rotation of the tip in rad, or the relative load). difference:
-        the solid minus the planar configuration.
+        place: rotation of the tip in rad, or load from 0 to 1. difference: solid minus planar configuration.
         """
         return DepthEffect((*self.places, place), (*self.differences, difference), self.by_turn, self.base)

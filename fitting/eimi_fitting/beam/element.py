@@ -1,24 +1,9 @@
-"""The planar Q2/P1 element, evaluated for all elements and all candidate laws of a batch at once.
+"""The planar Q2/P1 element, evaluated for all elements and candidate laws of a batch together.
 
-The displacement is quadratic (nine nodes). The pressure p is linear and discontinuous between elements (Sussman and
-Bathe 1987, Computers & Structures 26:357). With the isochoric strain energy psi, the deformation gradient F, its
-determinant J and the bulk modulus K, the potential of one element is
-
-    integral of psi(F) + p (J - 1) - p^2 / (2 K).
-
-The three coefficients of the pressure belong to one element only. They are eliminated before assembly.
-
-An element has two Gauss points along the beam and three across. This integration rule is exact for cubic polynomials,
-and therefore preserves the order of convergence of quadratic elements (Ciarlet 1978, section 4.1). No mode of
-deformation has zero stiffness. The rule evaluates stresses at six points of an element. Three by three points would
-need one and a half times as many evaluations.
-
-In the shapes of arrays, E is the number of elements, B the number of candidates of the batch, and q the number of Gauss
-points of an element. The first axis of a deformation gradient is the component of the present position, and the second
-axis is the coordinate at rest. The tangent stiffness of an element is computed for the whole batch by one product of
-two matrices. The first matrix has dP/dF at the Gauss points for each candidate, with the first Piola-Kirchhoff stress
-P. The second matrix has the products of two derivatives of shape functions, multiplied by the Gauss weights. It is the
-same for all candidates.
+The displacement is quadratic, and the pressure p is linear and discontinuous (Sussman and Bathe 1987, Computers &
+Structures 26:357). The potential of an element is the integral of psi(F) + p (J - 1) - p^2 / (2 K), with the isochoric
+energy psi, the deformation gradient F, its determinant J and the bulk modulus K. An element has two Gauss points along
+the beam and three across.
 """
 
 from __future__ import annotations
@@ -41,9 +26,7 @@ AT_ONCE: int | None = None  # elements whose tangents are computed together: all
 
 @dataclass(frozen=True)
 class Operators:
-    """Integrals and derivatives of the shape functions of a planar mesh, to compute forces and stiffnesses.
-
-    They depend only on the geometry of the mesh, which has E elements with q Gauss points each.
+    """Integrals and derivatives of the shape functions of a planar mesh: E elements with q Gauss points each.
 
     Attributes
     ----------
@@ -64,8 +47,7 @@ class Operators:
     slope : ndarray, shape (E, 9, 2)
         Integrals of the derivatives of the shape functions in mm.
     weights : ndarray, shape (E, q)
-        Weights of the Gauss points in an integral over the element, in mm². They are multiplied by the relative
-        thickness of the mesh (``Mesh.thickness``).
+        Weights of the Gauss points, multiplied by the relative thickness, in mm².
     """
 
     gradient: Array
@@ -85,8 +67,10 @@ def operators(mesh: Mesh) -> Operators:
     Raises
     ------
     ValueError
-        An element is folded: its map from the reference square has a determinant that is not positive.
+        An element is folded.
     """
+    # This rule is exact for cubic polynomials, and no mode of deformation has zero stiffness. It therefore preserves
+    # the order of convergence of quadratic elements (Ciarlet 1978, section 4.1).
     along, weights_along = np.polynomial.legendre.leggauss(2)
     across, weights_across = np.polynomial.legendre.leggauss(3)
     xi, eta = (g.ravel() for g in np.meshgrid(along, across, indexing="ij"))
@@ -114,21 +98,21 @@ def operators(mesh: Mesh) -> Operators:
 
 
 def orthogonal_basis(weights: Array, raw: Array) -> tuple[Array, Array]:
-    """Make functions orthogonal by the method of Gram and Schmidt, so that their mass matrix is diagonal.
+    """Make m functions orthogonal by the method of Gram and Schmidt.
 
     Parameters
     ----------
     weights : ndarray, shape (E, q)
         Weights of the q Gauss points of each of E elements.
     raw : ndarray, shape (q, m)
-        Values of the m functions at the Gauss points, the same in each element.
+        Values of the functions at the Gauss points.
 
     Returns
     -------
     basis : ndarray, shape (E, q, m)
         Values of the orthogonal functions.
     mass : ndarray, shape (E, m)
-        Weighted sums of the squares of the orthogonal functions over the Gauss points.
+        Weighted sums of their squares.
     """
     (n, q), m = weights.shape, raw.shape[1]
     basis, mass = np.empty((n, q, m)), np.empty((n, m))
@@ -147,19 +131,16 @@ def mixed(batch: Batch) -> bool:
 
 
 def gradients(ops: Operators, nodal: Array) -> Array:
-    """Return the displacement gradients du_i/dX_j, (2, 2, E, B, q), for nodal displacements u, (E, B, 2, 9) in mm.
-
-    The first axis is i, the second j. There are E elements with q Gauss points each, and B candidate laws.
-    """
+    """Return du_i/dX_j at q points of E elements for B candidate laws, (2, 2, E, B, q), from u, (E, B, 2, 9) in mm."""
     n, b = nodal.shape[:2]
     h = np.matmul(nodal.reshape(n, b * 2, 9), ops.gradient)
     return np.ascontiguousarray(h.reshape(n, b, 2, 2, POINTS).transpose(2, 3, 0, 1, 4))
 
 
 def stretch(ops: Operators, nodal: Array) -> Array:
-    """Return the largest principal stretch in the plane, (E, B, q), for nodal displacements (E, B, 2, 9) in mm.
+    """Return the largest principal stretch in the plane at q points of E elements for B candidate laws, (E, B, q).
 
-    There are E elements with q Gauss points each, and B candidate laws.
+    nodal: displacements in mm, (E, B, 2, 9).
     """
     (h11, h12), (h21, h22) = gradients(ops, nodal)
     a = (1 + h11) ** 2 + h12**2 + h21**2 + (1 + h22) ** 2
@@ -173,20 +154,19 @@ class Evaluation(NamedTuple):
     Attributes
     ----------
     force : ndarray, shape (E, B, 2, 9)
-        Internal forces on the nodes in N per mm of depth.
+        Internal forces on the nodes in N/mm.
     F : ndarray, shape (2, 2, E, B, q)
         Deformation gradient in the plane.
     J : ndarray, shape (E, B, q)
         Determinant of F.
     energy : PlanarEnergy
-        Derivatives of the strain energy psi, which depends on a = F : F and J.
+        Derivatives of the strain energy psi by F : F and J.
     t : ndarray, shape (E, B, q)
         Sum of the pressure and the derivative of psi by J, in MPa.
     S : ndarray, shape (3, E, B, q)
         Components 11, 22, 12 of the second Piola-Kirchhoff stress in MPa.
     valid : ndarray of bool, shape (B,)
-        True for a candidate whose J exceeds 0.001 at all Gauss points. A smaller J is the sign of an element that is
-        folded over; the other values of the candidate then have no meaning.
+        Whether J exceeds 0.001 at all Gauss points.
     """
 
     force: Array
@@ -205,13 +185,13 @@ class Batch:
     Attributes
     ----------
     law : Law
-        The hyperelastic law of all candidates.
+        The hyperelastic law.
     parameters : ndarray, shape (B, n)
         The n parameters of each candidate; moduli in MPa.
     section : {"plane-stress", "plane-strain", "solid"}
-        How the depth is modelled: by a planar assumption, or in three dimensions ("solid").
+        How the depth is modelled.
     bulk : ndarray, shape (B,)
-        Bulk modulus of each candidate in MPa.
+        Bulk modulus in MPa.
     """
 
     law: Law
@@ -224,10 +204,9 @@ SMALLEST_J = 1e-3  # an element with a smaller J at a Gauss point counts as fold
 
 
 def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Evaluation:
-    """Return forces and stresses for nodal displacements, (E, B, 2, 9) in mm, and pressures, (E, B, 3) in MPa.
+    """Return forces and stresses of E elements for B candidate laws.
 
-    There are E elements and B candidate laws. The three pressures are coefficients of the pressure functions of an
-    element.
+    nodal: displacements in mm, (E, B, 2, 9). pressure: coefficients of the pressure functions in MPa, (E, B, 3).
     """
     F = gradients(ops, nodal)
     F[0, 0] += 1
@@ -264,11 +243,9 @@ def evaluate(ops: Operators, batch: Batch, nodal: Array, pressure: Array) -> Eva
 
 
 def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
-    """Return the tangent stiffness of E elements for B candidate laws, (E, B, 18, 18) in N/mm per mm of depth.
+    """Return the tangent stiffness of E elements for B candidate laws at constant pressure, (E, B, 18, 18) in N/mm².
 
-    The pressures in the elements are held fixed in the derivative. predicted: the stress for the geometric part of the
-    stiffness, components 11, 22 and 12, (3, E, B, q) in MPa at q Gauss points. In Newton's method this is the stress
-    that the preceding linear step predicts.
+    predicted: components 11, 22, 12 of the stress for the geometric part, (3, E, B, q) in MPa at q Gauss points.
     """
     (f11, f12), (f21, f22) = ev.F
     e = ev.energy
@@ -301,28 +278,23 @@ def stiffness(ops: Operators, ev: Evaluation, predicted: Array) -> Array:
 
 
 def tangents(ops: Operators, ev: Evaluation, predicted: Array) -> Iterator[Array]:
-    """Yield one array, the tangent stiffness of all E elements, (E, B, 18, 18); see `stiffness`.
-
-    For solid elements, `brick.tangents` yields several arrays, one for each group of elements.
-    """
+    """Yield the tangent stiffness of all elements as one array; see `stiffness`."""
     yield stiffness(ops, ev, predicted)
 
 
 def volume_gap(ops: Operators, batch: Batch, ev: Evaluation, pressure: Array) -> Array:
     """Return the residuals of the relation between pressure and volume change in E elements, (E, B, m).
 
-    There are B candidate laws and m pressure functions in each element, with one residual for each function. The
-    residuals are zero at equilibrium. pressure: coefficients of the functions in MPa, (E, B, m).
+    pressure: coefficients of m pressure functions for B candidate laws in MPa, (E, B, m).
     """
     residual = np.matmul((ev.J - 1) * ops.weights[:, None, :], ops.basis)
     return residual - pressure * ops.mass[:, None, :] / batch.bulk[:, None]
 
 
 def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
-    """Return the derivatives of each element's volume by its displacements, (E, B, 18, 3) in mm.
+    """Return the derivatives of E elements' volumes by their displacements for B candidate laws, (E, B, 18, 3) in mm.
 
-    There are E elements and B candidate laws. The volume (per mm of depth) is weighted by each of three pressure
-    functions.
+    The volume per mm of depth is weighted by each of three pressure functions.
     """
     (f11, f12), (f21, f22) = ev.F
     n, b = f11.shape[:2]
@@ -332,10 +304,9 @@ def volume_coupling(ops: Operators, ev: Evaluation) -> Array:
 
 
 def predict_stress(ops: Operators, ev: Evaluation, step: Array, pressure_step: Array | None) -> Array:
-    """Return the second Piola-Kirchhoff stress after one linear step of Newton's method, (3, E, B, q) in MPa.
+    """Return components 11, 22, 12 of the stress after a linear step, (3, E, B, q) in MPa at q points of E elements.
 
-    The components are 11, 22 and 12, for E elements with q Gauss points each and B candidate laws. step, pressure_step:
-    changes of the displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3), or None in plane stress.
+    step, pressure_step: changes of the displacements in mm, (E, B, 2, 9), and of the pressures in MPa, (E, B, 3).
     """
     (h11, h12), (h21, h22) = gradients(ops, step)
     (f11, f12), (f21, f22) = ev.F

@@ -1,8 +1,7 @@
-"""Equilibrium of a planar or a solid mesh for a batch of candidate laws, by Newton's method with predicted stresses.
+"""Equilibrium of a planar or solid mesh for a batch of candidate laws, by Newton's method.
 
-The geometric part of the tangent stiffness is computed with the stress that the last linear step predicts, and not with
-the stress of the new displacement. For slender, incompressible bodies Newton's method then converges from starts that
-are farther from the solution (Magisano, Leonetti, Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
+The geometric part of the tangent stiffness is computed with the stress that the last linear step predicts (Magisano,
+Leonetti, Garcea 2017, Int. J. Numer. Meth. Engng 109:1237).
 """
 
 from __future__ import annotations
@@ -46,20 +45,19 @@ class Status(IntEnum):
 
 @dataclass
 class SolidLoads:
-    """Loads on a mesh in one load state, with one row for each of B candidate laws or one row for all of them.
+    """Loads on a mesh in one load state, with one row for each of B candidate laws or one row for all.
 
-    The mesh has N nodes with d coordinates. All loads are per mm of depth if the mesh is planar.
+    The mesh has N nodes with d coordinates. Loads on a planar mesh are per mm of depth.
 
     Attributes
     ----------
     nodal : ndarray, shape (B, N, d)
-        Dead forces on the nodes in N, which keep their direction and size.
+        Forces on the nodes in N.
     force, tensor, moment : ndarray, shapes (B, 2), (B, 2, 2) and (B,)
-        Load on the rigid body (the magnet) in N, N mm and N mm. Let U be the translation of the body, theta its
-        rotation and R(theta) the matrix of this rotation. The potential of the load is -force . U - tensor : R(theta) -
-        moment theta.
+        Load on the rigid magnet in N, N mm and N mm. For the translation U and the matrix R of the rotation theta, its
+        potential is -force . U - tensor : R - moment theta.
     pressure : ndarray, shape (B,)
-        Pressure in N/mm² on the side of the beam that ``Specimen.pressure_face`` describes.
+        Pressure on the face in N/mm².
     in_coil : DipoleInField or None
         The magnet in the non-uniform field of a coil.
     silicone_in_coil : SiliconeInField or None
@@ -86,11 +84,11 @@ class Configuration:
     displacement : ndarray, shape (B, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (B, 3)
-        Translation (x, y) of the rigid body (the magnet) in mm, and rotation of the rigid body in rad.
+        Translation (x, y) of the magnet in mm, and its rotation in rad.
     pressure : ndarray, shape (E, B, d + 1)
-        Coefficients of the pressure functions of each element in N/mm².
+        Coefficients of the pressure functions in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
-        The stress in N/mm² at the Gauss points with which the next tangent stiffness is computed.
+        The stress in N/mm² for the next tangent stiffness.
     """
 
     displacement: Array
@@ -103,7 +101,7 @@ class Configuration:
         return Configuration(self.displacement[rows], self.rigid[rows], self.pressure[:, rows], self.stress[:, :, rows])
 
     def put(self, rows: Indices, other: Configuration) -> None:
-        """Overwrite the configurations of the candidate laws with indices ``rows`` by those of ``other``, in place."""
+        """Overwrite the configurations of the candidate laws with indices ``rows`` by ``other``."""
         self.displacement[rows] = other.displacement
         self.rigid[rows] = other.rigid
         self.pressure[:, rows] = other.pressure
@@ -115,7 +113,7 @@ class Configuration:
 
 
 def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -> Configuration:
-    """Return the weighted sum of several configurations (displacements, pressures and stresses) of the same mesh."""
+    """Return the weighted sum of configurations of one mesh."""
 
     def total(name: str) -> Array:
         result = weights[0] * getattr(configurations[0], name)
@@ -127,7 +125,7 @@ def combine(weights: Sequence[float], configurations: Sequence[Configuration]) -
 
 
 def joined(parts: Sequence[Configuration]) -> Configuration:
-    """Join the configurations of several batches of candidate laws into one batch, in the given order."""
+    """Join the configurations of several batches of candidate laws into one batch."""
     return Configuration(
         np.concatenate([part.displacement for part in parts]),
         np.concatenate([part.rigid for part in parts]),
@@ -137,7 +135,7 @@ def joined(parts: Sequence[Configuration]) -> Configuration:
 
 
 def loads_joined(parts: Sequence[SolidLoads]) -> SolidLoads:
-    """Join the loads on several batches of candidate laws into the loads on one batch, in the given order."""
+    """Join the loads on several batches of candidate laws into one batch."""
     arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _LOADS}
     joined_loads = SolidLoads(**arrays)
     for name in _IN_COIL:
@@ -157,13 +155,13 @@ class _Step:
     Attributes
     ----------
     nodal : ndarray, shape (B, N, d)
-        Change of the displacements of the N nodes in mm, in d dimensions.
+        Change of the displacements of N nodes with d coordinates in mm.
     rigid : ndarray, shape (B, 3)
-        Change of the translation (x, y) in mm and of the rotation in rad of the rigid body (the magnet).
+        Change of the magnet's translation (x, y) in mm and rotation in rad.
     pressure : ndarray
-        Change of the coefficients of the pressure functions in N/mm², in the shape of ``Configuration.pressure``.
+        Change of the pressures, in the shape of ``Configuration.pressure``.
     stress : ndarray
-        The stress in N/mm² that the linear step predicts, in the shape of ``Configuration.stress``.
+        The predicted stress, in the shape of ``Configuration.stress``.
     sound : ndarray of bool, shape (B,)
         Whether the linear system could be solved.
     indefinite : ndarray of bool, shape (B,)
@@ -179,9 +177,7 @@ class _Step:
 
 
 class Solid:
-    """The silicone of a beam as a finite-element model, with its supports, its rigid magnet and a face under pressure.
-
-    Its equilibrium under loads is computed by `equilibrium`.
+    """The finite-element model of a beam, with its supports, its rigid magnet and a face under pressure.
 
     Parameters
     ----------
@@ -190,11 +186,11 @@ class Solid:
     fixed : ndarray of bool, shape (N, d)
         True for the displacements that are zero.
     rigid_nodes : ndarray of int or None
-        Nodes that move with the rigid body (the magnet); None without a body.
+        Nodes of the rigid magnet.
     rigid_centre : tuple of float
-        Reference point of the rigid body in mm.
+        Reference point (x, y) of the magnet in mm.
     face : FollowerPressure or None
-        Face under pressure; None if no pressure acts.
+        Face under pressure.
     """
 
     def __init__(
@@ -225,11 +221,11 @@ class Solid:
 
     @property
     def kind(self) -> Any:
-        """The module with the functions of the element: `beam.element` in two dimensions, or `beam.brick` in three."""
+        """The module with the functions of the element: `beam.element` or `beam.brick`."""
         return brick if isinstance(self.mesh, Bricks) else element
 
     def rest(self, batch: int) -> Configuration:
-        """Return the undeformed configuration for ``batch`` candidate laws: all its arrays are zero."""
+        """Return the undeformed configuration for ``batch`` candidate laws."""
         n, e, d = len(self.mesh.nodes), len(self.mesh.elements), self.dimensions
         return Configuration(
             np.zeros((batch, n, d)),
@@ -239,18 +235,15 @@ class Solid:
         )
 
     def by_element(self, nodal: Array) -> Array:
-        """Copy values at the N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n).
-
-        There are B candidate laws and d coordinates.
-        """
+        """Copy values of d coordinates at N nodes, (B, N, d), to the n nodes of each of E elements, (E, B, d, n)."""
         b, e, d = len(nodal), len(self.mesh.elements), self.dimensions
         gathered = nodal.reshape(b, d * len(self.mesh.nodes))[:, self._gather].reshape(b, e, d, self._unknowns // d)
         return np.ascontiguousarray(gathered.transpose(1, 0, 2, 3))
 
     def stretch(self, displacement: Array) -> Array:
-        """Return the largest principal stretch (E, B, q) at the Gauss points for nodal displacements (B, N, d) in mm.
+        """Return the largest principal stretch at q Gauss points of E elements for B candidate laws, (E, B, q).
 
-        There are B candidate laws, N nodes, and E elements with q Gauss points each.
+        displacement: of N nodes with d coordinates in mm, (B, N, d).
         """
         b, most = len(displacement), max(_ELEMENTS_AT_ONCE // len(self.mesh.elements), 1)
         parts = [displacement[first : first + most] for first in range(0, max(b, 1), most)]
@@ -311,10 +304,7 @@ class Solid:
         return _Step(step, rigid, pressure, stress, sound, indefinite)
 
     def _moved(self, now: Configuration, step: _Step) -> tuple[Configuration, Array]:
-        """Return the configurations after a Newton step, and the largest displacement in this step, (B,) in mm.
-
-        There is one row for each of B candidate laws.
-        """
+        """Return the configurations after a Newton step, and the largest displacement in this step, (B,) in mm."""
         displacement, rigid = now.displacement + step.nodal, now.rigid + step.rigid
         if self.body:
             self.body.carry(displacement, rigid)
@@ -332,33 +322,29 @@ class Solid:
     ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp]]:
         """Find the equilibrium of B candidate laws by Newton's method, and check whether it is stable.
 
-        The stability is not checked if a pressure acts on a face.
-
         Parameters
         ----------
         batch : Batch
-            B candidate laws.
+            The candidate laws.
         loads : SolidLoads
             The loads on the mesh.
         start : Configuration
             The configuration at which Newton's method begins.
         tolerance_mm : float
-            Largest displacement of a node in the last step of a solution that has converged.
+            Largest displacement of a node in the last step.
         few : int or None
-            Largest number of iterations, if ``start`` is close to the solution. None: at most 25 iterations.
+            Largest number of iterations; None: 25.
         only_try : bool
-            True: give up a candidate, with the status DIVERGED, as soon as the matrix that has to be factorised is not
-            positive definite.
+            Give up a candidate as soon as the matrix to be factorised is not positive definite.
 
         Returns
         -------
         configuration : Configuration
-            The equilibrium of each candidate, or the configuration at which the method failed. Candidates do not affect
-            each other.
+            The equilibrium, or the configuration at which the method failed.
         status : ndarray, shape (B,)
             `Status` of each candidate.
         iterations : ndarray, shape (B,)
-            Number of tangent stiffnesses that were computed for each candidate.
+            Number of tangent stiffnesses that were computed.
         """
         size = float(np.ptp(self.mesh.nodes, axis=0).max())
         now = start.copy()
@@ -392,11 +378,7 @@ class Solid:
 
 
 def _plus(tangents: Iterator[Array], further: Callable[[slice], Array]) -> Iterator[Array]:
-    """Add a further stiffness to the tangent stiffnesses of the elements, and yield the sums, group by group.
-
-    tangents: the stiffnesses of consecutive groups of elements. further: function that returns the further stiffness of
-    the elements in a given slice.
-    """
+    """Yield the tangent stiffness of each group of elements plus the stiffness that ``further`` returns for it."""
     first = 0
     for K in tangents:
         some = slice(first, first + len(K))

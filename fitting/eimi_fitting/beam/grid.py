@@ -1,10 +1,7 @@
 """The planar mesh of a specimen: lines along and across the beam, with quadratic elements between them.
 
-The lines lie in a reference beam (a straight beam of constant width and depth), which `beam.strip` maps to the specimen
-at rest.
-
-The magnet is rigid. Its nodes move with one rigid body, and the mesh has no elements in the magnet. The silicone beside
-a magnet that is narrower than the beam has elements, and so has the silicone between the magnet and the tip.
+The lines lie in a straight reference beam, which `beam.strip` maps to the specimen at rest. The mesh has no elements in
+the rigid magnet.
 """
 
 from __future__ import annotations
@@ -31,10 +28,9 @@ _SAME_MM = 1e-3  # points that are nearer are the same
 
 
 def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Array, int]:
-    """Return the y of the mesh lines across a beam with a narrow magnet, in mm, and a number of elements.
+    """Return the y in mm of the mesh lines across a narrow magnet, and the number of elements on one side of it.
 
-    The number is that of the elements across the silicone on one side of the magnet. across: the number of elements
-    across a beam without such a magnet.
+    across: the number of elements across a beam without a magnet.
     """
     layer, size = 0.5 * (width - magnet_width), width / across
     least = (across + 1) // 2
@@ -45,31 +41,26 @@ def _across_magnet(width: float, magnet_width: float, across: int) -> tuple[Arra
 
 
 def _count(along: int, relative_length: float) -> int:
-    """Return the number of elements along the magnet, or along the silicone between the magnet and the tip.
+    """Return the number of elements along a section of the beam.
 
-    along: number of elements along the flexible part. relative_length: length of the magnet or silicone, divided by the
-    length of the flexible part.
+    relative_length: its length divided by that of the flexible part, which has ``along`` elements.
     """
     return max(2, min(round(along * relative_length), 2 * along))
 
 
 class Grid:
-    """The planar mesh of a specimen.
-
-    The elements are shorter near the clamp and near the magnet. The mesh is built in a reference beam (a straight beam
-    of constant width and depth), which is mapped to the specimen at rest.
+    """The planar mesh of a specimen, built in a straight reference beam.
 
     Parameters
     ----------
     specimen : Specimen
-        The beam, with its magnet if it has one.
+        The beam.
     along : int
         Number of elements along the flexible part.
     across : int
-        Number of elements across the width. If the magnet is narrower, there are at least half of this number (rounded
-        up) on each side of the magnet, finer toward the magnet's corners.
+        Number of elements across the width.
     divided : bool
-        True: put mesh lines through the magnet even if it is as wide as the beam.
+        Put mesh lines across a magnet that is as wide as the beam.
 
     Attributes
     ----------
@@ -78,23 +69,19 @@ class Grid:
     straight_mm : ndarray, shape (N, 2)
         Positions (x, y) of the N nodes in the reference beam.
     mesh : Mesh
-        The elements of silicone. The nodes cover the whole specimen with the magnet, column by column from clamp to
-        tip.
+        The elements of silicone, and the nodes of silicone and magnet.
     face_mm : tuple of float
-        Middle (x, y) at rest of the magnet's inner face, which is nearer to the clamp. Without a magnet: middle of the
-        tip.
+        Middle (x, y) at rest of the magnet's inner face, or of the tip without a magnet.
     turn_rad : float
         Angle of the magnet at rest from +x toward +y.
     block_mm : tuple of float
-        Length, width and depth of the rigid block (the magnet and the silicone that moves rigidly with it); zero
-        without a magnet.
+        Length, width and depth of the rigid block (magnet and rigid silicone); zero without a magnet.
     magnet_nodes : ndarray of int or None
-        Nodes on and in the rigid block; None without a magnet.
+        Nodes on and in the rigid block.
     inside : ndarray of bool, shape (cells along, cells across)
         Whether each cell between the mesh lines lies in the rigid block.
     per_specimen : float
-        Factor that converts a load on the whole specimen to the load per mm of depth, with which the planar model
-        computes: 1 / depth in 1/mm.
+        Load per mm of depth divided by the load on the specimen, in 1/mm.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, divided: bool = False) -> None:
@@ -147,17 +134,13 @@ class Grid:
         self.mesh: Mesh = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
-
-        The reference beam is straight and has a constant width; the mesh is built in it. points_mm: the points at rest,
-        (n, 2).
-        """
+        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
         return self.strip.straightened(np.atleast_2d(np.asarray(points_mm, float)))
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
+        """Return whether each of n points moves rigidly with the magnet, shape (n,).
 
-        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
+        points_mm: points (x, y) of the straight reference beam, (n, 2).
         """
         x, y = np.atleast_2d(np.asarray(points_mm, float)).T
         near, (length, width, _) = self._straight.flexible_length_mm, self.block_mm
@@ -170,7 +153,7 @@ class Grid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the nine nodes around each of n points and their shape functions there, (n, 9) each.
 
-        points_mm: coordinates (x, y) of the points in the reference beam, a straight beam of constant width, (n, 2).
+        points_mm: points (x, y) of the straight reference beam, (n, 2).
 
         Raises
         ------
@@ -196,15 +179,14 @@ class Grid:
         return self._all[i * n + j], values
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nine nodes that share a force at a point (x, y), and their fractions of the force, (1, 9) each.
+        """Return the nine nodes that share a force, and their fractions of the force, (1, 9) each.
 
-        point_mm: the point in the reference beam, a straight beam of constant width. The first axis of the results is
-        for solid meshes, in which a force is spread over several points through the depth.
+        point_mm: the point (x, y) of the force in the straight reference beam.
         """
         return self.place(point_mm)
 
     def pressure_face(self) -> FollowerPressure | None:
-        """Return the part of the left or the right side on which a pressure acts; None without a pressure."""
+        """Return the part of the left or right side on which a pressure acts; None without a pressure."""
         face = self.specimen.pressure_face
         if face is None:
             return None

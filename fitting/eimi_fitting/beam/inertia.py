@@ -1,15 +1,4 @@
-"""The inertia of a specimen: consistent mass matrix of the silicone, mass and rotary inertia of the magnet.
-
-Let U be the translation of a rigid body's reference point, theta its rotation and R(theta) the matrix of the rotation.
-The centre of mass lies at the vector s from the reference point at rest. Its velocity is dU/dt + c dtheta/dt with the
-vector c = (dR/dtheta) s. The mass matrix of the unknowns (U, theta) is therefore
-
-    [ m      0      m c_x     ]
-    [ 0      m      m c_y     ]
-    [ m c_x  m c_y  m s.s + I ]
-
-with the mass m, the components c_x and c_y of c, and the rotary inertia I about the centre of mass.
-"""
+"""The inertia of a specimen: consistent mass matrix of the silicone, mass and rotary inertia of the magnet."""
 
 from __future__ import annotations
 
@@ -28,29 +17,29 @@ MM_PER_M = 1e3  # kg m/s² = N: a mass in kg times an acceleration in mm/s² is 
 
 
 class Inertia:
-    """The masses of a beam model in N s²/mm, for the part of the specimen that the mesh represents.
+    """The masses of a meshed specimen in N s²/mm.
 
     Parameters
     ----------
     model : BeamModel or SolidModel
         Model with E elements of n nodes each, and N nodes.
     tip_mass_kg : float
-        A point mass at the point where a tip force acts, for example a weight that moves with the beam.
+        A point mass at the point where a tip force acts.
 
     Attributes
     ----------
     of_elements : ndarray, shape (E, n, n)
-        Consistent mass matrix of each element, the same for every direction.
+        Consistent mass matrix of each element for one direction.
     body_mass : float
-        Mass of the rigid body (the magnet and the silicone that moves rigidly with it).
+        Mass of the magnet and of the silicone that moves rigidly with it.
     body_rotary : float
-        Rotary inertia of the rigid body about its centre of mass, in N s² mm.
+        Rotary inertia of this body about its centre of mass, in N s² mm.
     body_arm_mm : ndarray, shape (2,)
-        Vector (x, y) from the reference point of the rigid body to the centre of mass of the body, at rest.
+        Vector (x, y) at rest from the magnet's reference point to the centre of mass.
     point_mass : float
-        The point mass. It is zero if the point lies on the magnet, because the mass is then included in ``body_mass``.
+        The point mass; zero if it lies on the magnet.
     point_shares : ndarray, shape (N,)
-        Weights of the nodes. The displacement of the point mass is the weighted sum of the nodes' displacements.
+        Weights of the nodes that give the displacement of the point mass.
     """
 
     def __init__(self, model: BeamModel | SolidModel, tip_mass_kg: float = 0.0) -> None:
@@ -87,10 +76,9 @@ class Inertia:
             np.add.at(self.point_shares, nodes, weights)
 
     def of_body(self, angle_rad: Array) -> Array:
-        """Return the mass matrices (B, 3, 3) of the rigid body (the magnet) at B rotations (B,) in rad.
-
-        The three unknowns are the translation (x, y) and the rotation.
-        """
+        """Return the mass matrices of the magnet at B rotations in rad, (B, 3, 3), for translation and rotation."""
+        # The velocity of the centre of mass is the velocity of the reference point plus the angular velocity times the
+        # derivative, by the rotation, of the vector from this point to the centre of mass.
         c, s = np.cos(angle_rad), np.sin(angle_rad)
         x, y = self.body_arm_mm
         matrix = np.zeros((len(angle_rad), 3, 3))
@@ -102,7 +90,7 @@ class Inertia:
 
 
 def _squares(model: BeamModel | SolidModel) -> Array:
-    """Return the integrals of the products of two shape functions over each of E elements with n nodes, (E, n, n)."""
+    """Return the integrals of products of two shape functions over E elements with n nodes, (E, n, n)."""
     place, weight = np.polynomial.legendre.leggauss(3)
     d = model.mesh.nodes.shape[1]
     local = [axis.ravel() for axis in np.meshgrid(*[place] * d, indexing="ij")]

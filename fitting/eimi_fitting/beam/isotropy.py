@@ -1,16 +1,8 @@
-"""Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points at once.
+"""Stress and tangent of an isotropic hyperelastic law in three dimensions, at many points.
 
-A symmetric tensor is an array whose first axis has the six components 11, 22, 33, 12, 23, 13. The other axes number the
-points. The strain energy of a law depends on the isochoric deformation only. The stress of the pressure is added to the
-stress of the law. Stress and tangent are computed from the derivatives of the energy, without finite differences, by
-one of two methods:
-
-invariants           for a law that gives the derivatives of its energy by the invariants I1 and I2 (Holzapfel,
-                     Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6);
-principal stretches  for any law, from the eigenvectors of the right Cauchy-Green tensor C. For principal values S_a
-                     of the stress and C_a of C the tangent contains the quotient (S_b - S_a) / (C_b - C_a). If two
-                     stretches are equal, this quotient is 0/0 and is replaced by its limit (Ogden, Non-linear Elastic
-                     Deformations, 1997, section 6.1.4).
+The first axis of a symmetric tensor has the components 11, 22, 33, 12, 23, 13. The energy is differentiated by the
+invariants I1 and I2 if the law allows it (Holzapfel, Nonlinear Solid Mechanics, 2000, sections 6.4 and 6.6), and by the
+principal stretches otherwise (Ogden, Non-linear Elastic Deformations, 1997, section 6.1.4).
 """
 
 from __future__ import annotations
@@ -35,28 +27,19 @@ _EQUAL = 1e-5
 
 @runtime_checkable
 class InvariantLaw(Protocol):
-    """A hyperelastic law that gives the derivatives of its strain energy by the invariants I1 and I2."""
+    """A law that gives the derivatives of its strain energy by the invariants I1 and I2."""
 
     def coefficients(self, parameters: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3.
-
-        I1 and I2 are the invariants of the right Cauchy-Green tensor.
-        """
+        """Return the strain energy W, dW/dx, dW/dy and d²W/dx² at x = I1 - 3 and y = I2 - 3."""
 
 
 def turned(F: Array, tensor: Array) -> Array:
-    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...).
-
-    The six components are 11, 22, 33, 12, 23, 13.
-    """
+    """Return the product of a tensor F (3, 3, ...) and a symmetric tensor (6, ...), shape (3, 3, ...)."""
     return np.asarray(sum(F[:, k, None] * tensor[PLACE[k]] for k in range(3)))
 
 
 def right_cauchy_green(F: Array) -> Array:
-    """Return the right Cauchy-Green tensor C = F^T F, (6, ...), of the deformation gradient F (3, 3, ...).
-
-    The six components are 11, 22, 33, 12, 23, 13.
-    """
+    """Return the six components of C = F^T F, (6, ...), for the deformation gradient F (3, 3, ...)."""
     return np.stack([(F[:, _FIRST[v]] * F[:, _SECOND[v]]).sum(axis=0) for v in range(6)])
 
 
@@ -65,10 +48,8 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def _inverse_product(B: Array) -> Array:
-    """Return the matrix that gives the product B dE B for any symmetric tensor dE, (6, 6, ...).
-
-    B is a symmetric tensor, (6, ...). The columns belong to dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
-    """
+    """Return the matrix that gives B dE B for a symmetric tensor dE, (6, 6, ...), from a tensor B, (6, ...)."""
+    # The columns belong to dE11, dE22, dE33, 2 dE12, 2 dE23 and 2 dE13.
     result = np.empty((6, 6, *B.shape[1:]))
     for v in range(6):
         K, L = _FIRST[v], _SECOND[v]
@@ -81,27 +62,18 @@ def _inverse_product(B: Array) -> Array:
 
 
 def response(law: Law, parameters: Array, F: Array, J: Array) -> tuple[Array, Array, Array]:
-    """Return the isochoric stress of a law, the derivative of this stress by the Green strain, and J C^-1.
+    """Return the isochoric stress S, (6, ...), its derivative D by the Green strain, (6, 6, ...), and J C^-1, (6, ...).
 
     Parameters
     ----------
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (..., n)
-        The n parameters of the law at each point, or for all points. The leading axes are broadcast against J.
+        The n parameters of the law, for each point or for all points.
     F : ndarray, shape (3, 3, ...)
         Deformation gradient.
     J : ndarray, shape (...)
         Determinant of F.
-
-    Returns
-    -------
-    S : ndarray, shape (6, ...)
-        Second Piola-Kirchhoff stress, in the unit of the parameters.
-    D : ndarray, shape (6, 6, ...)
-        Derivative of S. The columns belong to the Green strains E11, E22, E33, 2 E12, 2 E23, 2 E13.
-    volume : ndarray, shape (6, ...)
-        J C^-1 with C = F^T F, the derivative of the stress by the pressure.
     """
     C = right_cauchy_green(F)
     inverse = _adjugate(C) / (J * J)
@@ -120,7 +92,7 @@ def _adjugate(C: Array) -> Array:
 def add_pressure(pressure: Array, volume: Array, J: Array, S: Array, D: Array) -> None:
     """Add the contribution of a pressure to the stress S (6, ...) and to its derivative D (6, 6, ...), in place.
 
-    volume: derivative of S by the pressure, (6, ...). J: determinant of the deformation gradient.
+    volume: derivative of S by the pressure, (6, ...). J: volume ratio.
     """
     S += pressure * volume
     D += (pressure / J) * (_outer(volume, volume) - 2 * _inverse_product(volume))
@@ -164,6 +136,7 @@ def _by_principal_stretches(law: Law, parameters: Array, C: Array, inverse: Arra
     a, b = np.array([0, 1, 0]), np.array([1, 2, 2])
     apart = np.log(squares[..., b] / squares[..., a])
     equal = np.abs(apart) < 2 * _EQUAL
+    # If two stretches are equal, the quotient is 0/0 and is replaced by its limit.
     quotient = 2 * (stress[..., b] - stress[..., a]) / np.where(equal, 1.0, squares[..., b] - squares[..., a])
     limit = 0.5 * (derivative[..., a, a] + derivative[..., b, b]) - 0.5 * (
         derivative[..., a, b] + derivative[..., b, a]

@@ -33,10 +33,9 @@ class UniformField:
         return UniformField(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the loads of the field to ``total``: a torque on the magnet, and forces on magnetised silicone.
+        """Add the torque on the magnet and the forces on magnetised silicone to ``total``.
 
-        numbers: flux density (x, y) in T in one load state, (2,). field_factor: factor on it for each of B candidate
-        laws, (B,).
+        numbers: flux density (x, y) in T, (2,). field_factor: factor on it for each of B candidate laws, (B,).
         """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.tensor[:] += field[:, :, None] * mesh.magnet_dipole
@@ -53,9 +52,9 @@ class CoilField:
     Parameters
     ----------
     numbers : ndarray, shape (K, 2)
-        Components (x, y) of the magnetic flux density in T at the position of the magnet at rest, in K load states.
+        Flux density (x, y) in T at the magnet at rest, in K load states.
     shape : CoilShape
-        The ratio of the field at any point to the field at the position of the magnet at rest.
+        The field at any point, relative to the field at the magnet at rest.
     """
 
     numbers: Array
@@ -68,8 +67,7 @@ class CoilField:
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
         """Add the loads of the coil's field on the magnet and on magnetised silicone to ``total``.
 
-        numbers: flux density (x, y) in T at the position of the magnet at rest, in one load state, (2,). field_factor:
-        factor on it for each of B candidate laws, (B,).
+        numbers: flux density (x, y) in T, (2,). field_factor: factor on it for each of B candidate laws, (B,).
         """
         field = field_factor[:, None] * numbers  # (B, 2)
         total.in_coil = DipoleInField(self.shape, mesh.magnet_dipole, mesh.magnet_centre_mm, mesh.magnet_face_mm, field)
@@ -96,9 +94,9 @@ class Gravity:
         return Gravity(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the weight of the silicone and of the magnet to ``total``, the sum of all loads.
+        """Add the weight of the silicone and of the magnet to ``total``.
 
-        numbers: acceleration (x, y) in m/s² in one load state, (2,). field_factor: not used.
+        numbers: acceleration (x, y) in m/s², (2,). field_factor: not used.
         """
         total.nodal[..., :2] += mesh.nodal_mass[:, None] * numbers
         weight = mesh.magnet_mass * numbers
@@ -108,7 +106,7 @@ class Gravity:
 
 @dataclass(frozen=True)
 class TipForce:
-    """A force on the specimen at the point ``Specimen.tip_load_mm``; at the middle of the tip if the point is None.
+    """A force on the specimen at the point ``Specimen.tip_load_mm``.
 
     Parameters
     ----------
@@ -123,9 +121,9 @@ class TipForce:
         return TipForce(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the force to ``total``: to the rigid magnet if the point lies on it, otherwise to the nodes around it.
+        """Add the force to the magnet or to the nodes around the point.
 
-        numbers: force (x, y) in N in one load state, (2,). field_factor: not used.
+        numbers: force (x, y) in N, (2,). field_factor: not used.
         """
         straight = mesh.specimen.tip_load_mm or (mesh.specimen.length_mm, 0.0)
         mesh.apply_force(numbers * mesh.share, mesh.at_rest(np.array(straight)), total)
@@ -148,9 +146,9 @@ class Pressure:
         return Pressure(self.numbers[states])
 
     def apply(self, numbers: Array, field_factor: Array, mesh: LoadedMesh, total: SolidLoads) -> None:
-        """Add the pressure to the sum of all pressures on the face, in ``total``.
+        """Add the pressure to the sum of all pressures, in ``total``.
 
-        numbers: pressure in Pa in one load state, (1,). field_factor: not used.
+        numbers: pressure in Pa, (1,). field_factor: not used.
 
         Raises
         ------

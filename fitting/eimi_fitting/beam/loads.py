@@ -119,12 +119,12 @@ class Loads:
         )
 
     def plus(self, *actuations: Actuation) -> Loads:
-        """Return these loads together with further kinds of load (``actuations``) on the same specimen.
+        """Return these loads together with other kinds of load (``actuations``).
 
         Raises
         ------
         ValueError
-            A further load and these loads do not have the same number of states.
+            The loads do not have the same number of states.
         """
         for actuation in actuations:
             if len(actuation.numbers) != len(self):
@@ -136,7 +136,7 @@ class Loads:
 
     @cached_property
     def actuations(self) -> tuple[Actuation, ...]:
-        """All kinds of load: field, gravity, tip force and pressure, then the further kinds of load in ``others``."""
+        """All kinds of load: field, gravity, tip force and pressure, then ``others``."""
         pressure = np.broadcast_to(np.asarray(self.pressure_Pa, float), len(self))
         return (
             UniformField(self.field_T) if self.coil is None else CoilField(self.field_T, self.coil),
@@ -150,7 +150,7 @@ class Loads:
         return len(self.field_T)
 
     def take(self, states: NDArray[np.intp]) -> Loads:
-        """Return the loads in the load states with the given indices only, in the given order."""
+        """Return the loads in the load states with the given indices only."""
         pressure = np.asarray(self.pressure_Pa, float)
         return Loads(
             self.field_T[states],
@@ -162,20 +162,16 @@ class Loads:
         )
 
     def state(self, k: int) -> Array:
-        """Return the loads in state k as one vector, shape (m,).
-
-        Its m components are those of field, gravity, tip force and pressure, then of the further loads in ``others``.
-        """
+        """Return all components of the loads in state k as one vector, shape (m,)."""
         return np.concatenate([actuation.numbers[k] for actuation in self.actuations])
 
     def at_rest(self) -> Array:
-        """Return the vector of m zeros that describes a state without loads, in the form of ``state``."""
+        """Return the vector of m zeros that describes a state without loads."""
         return np.zeros(sum(actuation.numbers.shape[1] for actuation in self.actuations))
 
     def on(self, mesh: LoadedMesh) -> Callable[[Array, Array], SolidLoads]:
-        """Return a function that computes the loads on the nodes and on the magnet of a mesh, in one load state.
+        """Return a function that computes the loads on a mesh in one load state.
 
-        Its first argument is the vector of the loads, (m,), as ``state`` returns it. Its second argument is a factor on
-        the magnetic loads for each of B candidate laws, (B,).
+        Its arguments are the components of the loads, (m,), and a factor on magnetic loads for each of B laws, (B,).
         """
         return partial(mesh.loads, self.actuations)

@@ -23,12 +23,11 @@ class Mesh:
     nodes : ndarray, shape (N, 2)
         Positions (x, y) of the nodes in mm.
     elements : ndarray of int, shape (E, 9)
-        Indices of the nine nodes of each element. Column 3 i + j has the i-th node along the beam and the j-th across
-        (i, j = 0, 1, 2).
+        Indices of the nodes of each element, in the order along, across; the last index changes fastest.
     columns, rows : int
-        Number of columns of nodes, and number of nodes in each column. A column leads across the beam, a row along it.
+        Number of columns of nodes (each across the beam), and number of rows (each along the beam).
     thickness : ndarray, shape (N,), or None
-        Depth of the beam at the nodes divided by a constant reference depth; None if the depth is the same everywhere.
+        Depth of the beam at the nodes divided by a reference depth; None if the depth is constant.
     """
 
     nodes: Array
@@ -38,18 +37,16 @@ class Mesh:
     thickness: Array | None = None
 
     def column(self, i: int) -> Indices:
-        """Return the indices of the nodes in column i, ordered across the beam; a negative i counts from the tip."""
+        """Return the indices of the nodes in column i, ordered across the beam."""
         return np.arange(self.rows, dtype=np.intp) + (i % self.columns) * self.rows
 
     def row(self, j: int) -> Indices:
-        """Return the indices of the nodes in row j, ordered along the beam; a negative j counts from the last row."""
+        """Return the indices of the nodes in row j, ordered along the beam."""
         return np.arange(self.columns, dtype=np.intp) * self.rows + (j % self.rows)
 
 
 def mapped_mesh(along: int, across: int, mapping: Callable[[Array, Array], tuple[Array, Array]]) -> Mesh:
     """Return a mesh of the unit square with ``along`` x ``across`` elements, mapped by ``mapping(s, t) -> (x, y)``.
-
-    The coordinate s increases along the beam from 0 to 1, and t increases across the beam from 0 to 1.
 
     Raises
     ------
@@ -75,11 +72,10 @@ def graded(
     finer_at_end: float,
     steps_mm: Array | tuple[()] = (),
 ) -> Array:
-    """Divide a length into elements that are shorter at its two ends; return their boundaries in mm, increasing.
+    """Divide a length into elements that are shorter at its ends; return their boundaries in mm.
 
-    count: number of elements, if ``steps_mm`` is empty. fade_mm: distance from an end over which the refinement fades.
-    finer_at_start, finer_at_end: relative increase of the number of elements per mm at the two ends. steps_mm:
-    coordinates that must be boundaries of elements, with more elements near them.
+    count: number of elements. fade_mm: length of the refinement. finer_at_start, finer_at_end: relative increase of the
+    number of elements per mm at the ends. steps_mm: coordinates that must be boundaries, with more elements near them.
     """
     x = np.linspace(0.0, length_mm, 2001)
     density = 1 + finer_at_start * np.exp(-x / fade_mm) + finer_at_end * np.exp((x - length_mm) / fade_mm)
@@ -102,7 +98,7 @@ def _cumulated(density: Array) -> Array:
 
 
 def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
-    """Return a mesh of m x n rectangles between lines at increasing coordinates x_mm (m + 1,) and y_mm (n + 1,)."""
+    """Return a mesh of rectangles between lines at increasing coordinates x_mm and y_mm."""
     m, n = len(x_mm) - 1, len(y_mm) - 1
     return mapped_mesh(
         m, n, lambda s, t: (np.interp(s * m, np.arange(m + 1), x_mm), np.interp(t * n, np.arange(n + 1), y_mm))
@@ -110,7 +106,7 @@ def grid_mesh(x_mm: Array, y_mm: Array) -> Mesh:
 
 
 def quadratic_line(s: Array) -> tuple[Array, Array]:
-    """Return three quadratic Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
+    """Return three Lagrange functions, (n, 3), and their derivatives, (n, 3), at n points s from -1 to 1."""
     s = np.asarray(s, float)
     return (
         np.stack([0.5 * s * (s - 1), 1 - s * s, 0.5 * s * (s + 1)], axis=-1),
@@ -119,10 +115,7 @@ def quadratic_line(s: Array) -> tuple[Array, Array]:
 
 
 def shape_functions(xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return nine Lagrange shape functions at n points of the reference square, (n, 9), and derivatives, (n, 9, 2).
-
-    xi, eta: coordinates (n,) of the points, -1 to 1.
-    """
+    """Return nine Lagrange functions, (n, 9), and their derivatives, (n, 9, 2), at n points of the square (-1 to 1)."""
     (a, da), (b, db) = quadratic_line(xi), quadratic_line(eta)
     n = a.shape[0]
     value = (a[:, :, None] * b[:, None, :]).reshape(n, 9)

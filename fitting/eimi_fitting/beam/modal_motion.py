@@ -1,13 +1,8 @@
 """The small vibrations of a beam, computed with the matrices of a few shapes: frequencies and complex rates.
 
-A vibration is proportional to exp(s t) with the complex rate s. Its shape v satisfies (`beam.vibration`)
-
-    (r(s) K_m + K_g + s² M) v = 0.
-
-K_m is the stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, and M the mass matrix.
-These matrices belong to small motions about an equilibrium, which was computed with the static modulus of the material.
-A viscoelastic material has a complex modulus in the vibration; r(s) is this modulus divided by the static modulus.
-Without viscoelasticity, r = 1, and s / i is an undamped angular frequency.
+A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
+stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
+complex modulus divided by the static modulus.
 """
 
 from __future__ import annotations
@@ -28,19 +23,19 @@ _IMMOBILE = 1e18  # 1/s²
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """The matrices of small motions of the beam for B candidate laws, if the motion is a sum of m given shapes.
+    """The stiffness and mass matrices of m shapes of small motion, for B candidate laws.
 
     Attributes
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        The stiffness due to the tangent of the law, the stiffness due to stresses and loads (N/mm), and the mass matrix
-        (N s²/mm). They belong to half of the specimen in a solid model, and to 1 mm of its depth in a planar model.
+        The stiffness due to the tangent of the law, the stiffness due to stresses and loads (N/mm), and the mass
+        (N s²/mm).
     nodal : ndarray, shape (m, B, N, d)
-        Displacements of the N nodes with d coordinates in each shape, in mm.
+        Displacements of N nodes with d coordinates in mm.
     rigid : ndarray, shape (m, B, 3)
-        Translation of the magnet in mm, and rotation of the magnet in rad, in each shape.
+        Translation of the magnet in mm, and its rotation in rad.
     sound : ndarray of bool, shape (B,)
-        Whether each candidate has a stable equilibrium.
+        Whether the equilibrium is stable.
     """
 
     material: Array
@@ -51,20 +46,19 @@ class ReducedMotion:
     sound: NDArray[np.bool_]
 
     def frequencies_Hz(self, count: int = 3) -> Array:
-        """Return the lowest undamped frequencies of B candidate laws, with the static modulus, (B, count) in Hz."""
+        """Return the lowest undamped frequencies of B candidate laws, (B, count) in Hz."""
         square = squares_by_stiffening(self.material, self.rest, self.mass, np.ones(1), count)[:, 0]
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi))
 
     def roots(self, ratio: Callable[[ComplexArray], ComplexArray], count: int = 3) -> ComplexArray:
         """Return the complex rates s of the lowest vibrations exp(s t) of B candidate laws, (B, count) in 1/s.
 
-        ratio: function of the rates (B, count) that returns the complex modulus divided by the static modulus. The rate
-        of a mode that does not vibrate is NaN.
+        ratio: complex modulus divided by static modulus, as a function of s. NaN for a mode that does not vibrate.
         """
         return complex_roots(self.material, self.rest, self.mass, ratio, count)
 
     def take(self, rows: NDArray[np.intp]) -> ReducedMotion:
-        """Return the matrices of small vibrations of the candidate laws with the indices ``rows`` only."""
+        """Return the matrices of the candidate laws with the indices ``rows`` only."""
         return ReducedMotion(
             self.material[rows], self.rest[rows], self.mass[rows], self.nodal[:, rows], self.rigid[:, rows],
             self.sound[rows],
@@ -79,13 +73,12 @@ def complex_roots(
     Parameters
     ----------
     material, rest, mass : ndarray, shape (B, m, m)
-        K_m, K_g and M of B candidate laws, for motions that are sums of m shapes: the stiffness due to the tangent of
-        the law, the stiffness due to stresses and loads, and the mass.
+        K_m, K_g and M of B candidate laws: the stiffness due to the tangent of the law, the stiffness due to stresses
+        and loads, and the mass.
     ratio : callable
-        The function r(s): takes rates (B, count) in 1/s, and returns the complex modulus divided by the static modulus,
-        (B, count). The static modulus is that of the equilibrium.
+        The function r(s): the complex modulus divided by the static modulus.
     count : int
-        Number of modes; at most the number of shapes is returned.
+        Number of modes; at most m are returned.
 
     Returns
     -------
@@ -108,24 +101,18 @@ def fixed_point(
     ratio: Callable[[ComplexArray], ComplexArray],
     size: tuple[int, int],
 ) -> ComplexArray:
-    """Return the complex rates s of the vibrations of a viscoelastic beam, the solutions of s² = -lambda(r(s)).
+    """Return the complex rates s of a viscoelastic beam, the solutions of s² = -lambda(r(s)), (B, count) in 1/s.
 
-    r is the complex modulus divided by the static modulus. lambda(r) is a squared angular frequency without damping, if
-    the modulus is r times the static modulus.
+    NaN if the iteration does not converge, or if the mode does not vibrate.
 
     Parameters
     ----------
     squares : callable
-        Takes values of r (B, count), one for each mode, and returns lambda(r), (B, count) in 1/s².
+        The function lambda(r): squared angular frequencies without damping for r times the static modulus, (B, count).
     ratio : callable
-        The function r(s): takes rates s (B, count), and returns values of r (B, count).
+        The function r(s): the complex modulus divided by the static modulus.
     size : tuple of int
         The number B of candidate laws, and the number of modes (count).
-
-    Returns
-    -------
-    ndarray of complex, shape (B, count)
-        The rates in 1/s; NaN where the iteration does not converge, or where the mode does not vibrate.
     """
 
     def next_root(s: ComplexArray) -> ComplexArray:
@@ -149,20 +136,15 @@ def fixed_point(
 def squares_by_stiffening(material: Array, rest: Array, mass: Array, stiffening: Array, count: int) -> Array:
     """Return the lowest squared angular frequencies for each of q modulus ratios, (B, q, count) in 1/s².
 
-    material, rest, mass: for B candidate laws and motions that are sums of m shapes, the stiffness due to the tangent
-    of the law, the stiffness due to stresses and loads, and the mass, (B, m, m) each. stiffening: modulus in the
-    vibration divided by the static modulus, (q,).
+    material, rest, mass: the stiffness due to the tangent of the law, the stiffness due to stresses and loads, and the
+    mass, (B, m, m) each. stiffening: modulus divided by the static modulus, (q,).
     """
     of_material, of_rest = (part[:, None] for part in _in_unit_mass(material, rest, mass))
     return np.asarray(np.linalg.eigvalsh(stiffening[:, None, None] * of_material + of_rest)[..., :count])
 
 
 def _in_unit_mass(material: Array, rest: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each.
-
-    material, rest, mass: for B candidate laws and motions that are sums of m shapes, the stiffness due to the tangent
-    of the law, the stiffness due to stresses and loads, and the mass, (B, m, m) each.
-    """
+    """Return two stiffness matrices in coordinates in which the mass matrix is the identity, (B, m, m) each."""
     sound = np.isfinite((material + rest + mass).sum(axis=(1, 2)))[:, None, None]
     mass = np.where(sound, mass, np.eye(mass.shape[-1]))
     material, rest = (np.where(sound, part, 0.0) for part in (material, rest))

@@ -23,8 +23,7 @@ __all__ = ["BeamModel", "Shapes"]
 class BeamModel:
     """The planar finite-element model of a specimen, for any number of candidate laws at once.
 
-    The magnet is rigid, with the silicone in front of it and behind it, seen from the camera. Loads and stiffnesses are
-    per mm of depth.
+    The magnet is rigid. Loads and stiffnesses are per mm of depth.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ class BeamModel:
         return BeamModel, (self.specimen, self.along, self.across, self.plane)
 
     def of(self, specimen: Specimen) -> BeamModel:
-        """Return a planar model of another specimen with the same numbers of elements along and across the beam."""
+        """Return a planar model of another specimen with the same numbers of elements."""
         return BeamModel(specimen, self.along, self.across, self.plane)
 
     def refined(self) -> BeamModel:
@@ -110,7 +109,6 @@ class BeamModel:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the nine nodes around each of n material points and their shape functions there, (n, 9) each.
 
-        The displacement of a point is the sum of the displacements of these nodes, weighted by the shape functions.
         points_mm: positions (x, y) of the points at rest, shape (n, 2).
 
         Raises
@@ -136,8 +134,7 @@ class BeamModel:
     def displacements(self, shapes: Shapes, straight_mm: Array) -> Array:
         """Return the displacements of n points for P candidate laws in K load states, (P, K, n, 2) in mm.
 
-        straight_mm: coordinates (x, y) of the points in the reference beam, (n, 2). This straight beam of constant
-        width is mapped to the specimen at rest by `Strip.at_rest`.
+        straight_mm: points (x, y) of the straight reference beam, (n, 2).
 
         Raises
         ------
@@ -203,19 +200,17 @@ class BeamModel:
         tolerance_mm : float
             Newton's method ends when every node moves by less than this distance in an iteration.
         start : Configuration or None
-            The configuration with which Newton's method begins in the first state: ``Shapes.last`` of an earlier
-            result. None: the configuration at rest.
+            The configuration with which Newton's method begins in the first state, for example ``Shapes.last``. None:
+            the configuration at rest.
         bulk_modulus_Pa : ndarray, shape (P,), or None
             Bulk modulus in Pa; None for an incompressible material.
         field_factor : ndarray, shape (P,), or None
-            Factor on the magnetic loads of each candidate, because the magnetic moment or the coil constant is
-            uncertain.
+            Factor on the magnetic loads of each candidate.
         keep : bool
-            Keep the configurations of the first candidate in ``Shapes.every``, for use as ``near``.
+            Keep the configurations of the first candidate in ``Shapes.every``.
         near : Configuration or None
-            ``Shapes.every`` of an earlier result for a similar candidate. All states are then solved at once, starting
-            at these configurations. If the solution fails, or if the number of nodes is different, the states are
-            solved one after another.
+            ``Shapes.every`` of a similar candidate. All states are then solved at once, starting at these
+            configurations.
 
         Raises
         ------

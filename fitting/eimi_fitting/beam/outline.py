@@ -1,9 +1,7 @@
 """The edges of a simulated beam as a camera sees them, as curves of quadratic segments in the beam frame.
 
-In a planar model each edge of the beam is one line. In a solid model the camera sees the outermost points of the left
-and right face. The cross-section of a bent beam becomes curved (anticlastic bending; Timoshenko and Goodier, Theory of
-Elasticity, section 102). The outermost points therefore lie at the front and back of the beam on the convex side, and
-at mid-depth on the concave side.
+In a planar model each edge is one line. In a solid model the camera sees the outermost points of the left and the right
+face, which are curved (Timoshenko and Goodier, Theory of Elasticity, section 102).
 """
 
 from __future__ import annotations
@@ -23,21 +21,20 @@ Model = BeamModel | SolidModel | SolidBeside
 
 
 def edge_curves(model: BeamModel, shapes: Shapes) -> Array:
-    """Return the left and the right edge of a planar beam model for P candidate laws in K load states.
+    """Return the edges of a planar beam model for P candidate laws in K load states, (P, K, 2, S, 3, 2).
 
-    Returns
-    -------
-    ndarray, shape (P, K, 2, S, 3, 2)
-        The left edge (y < 0 at rest), then the right edge. Each edge has S quadratic segments from clamp to tip. Each
-        segment is given by three points (x, y) in mm. A segment is the side of an element, or the side of a magnet that
-        is as wide as the beam; the side of the magnet stays straight.
+    The left edge (y < 0 at rest) is first. Each edge has S quadratic segments from clamp to tip, with three points
+    (x, y) in mm each.
     """
     place = model.mesh.nodes + shapes.displacement
     return _segments(np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2))
 
 
 def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
-    """Return the left and the right outline of the beam as a camera sees them, for P candidate laws in K load states.
+    """Return the left and the right outline as a camera sees them, (P, K, 2, S, 3, 2) in mm.
+
+    There are P candidate laws and K load states. The left outline (y < 0 at rest) is first. Each outline has S
+    quadratic segments of three points (x, y).
 
     Parameters
     ----------
@@ -47,12 +44,6 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
         The shapes that this model returned.
     view : View or None
         The perspective of the camera; None for a telecentric lens.
-
-    Returns
-    -------
-    ndarray, shape (P, K, 2, S, 3, 2)
-        The left outline (y < 0 at rest), then the right outline, each as S quadratic segments of three points (x, y) in
-        mm.
 
     Raises
     ------
@@ -88,8 +79,7 @@ def outline(model: Model, shapes: Shapes, view: View | None = None) -> Array:
 def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
     """Return the nodes on the left and the right face of a solid model, in mm, (P, K, 2, n, m, 3).
 
-    There are P candidate laws and K load states. At each of n stations along the beam, m nodes lead from mid-depth to
-    the surface with z > 0.
+    At each of n stations along the beam, m nodes lead from mid-depth to the surface with z > 0.
     """
     numbers = mesh.numbers
     sides = np.stack([numbers[:, 0], numbers[:, -1]])
@@ -99,8 +89,7 @@ def _bowed_faces(mesh: Bricks, shapes: Shapes) -> Array:
 def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
     """Return points on the left and the right face of a planar model, in mm, (P, K, 2, n, 3, 3).
 
-    There are P candidate laws and K load states. At each of n stations along the beam, three points lead from mid-depth
-    to the surface with z > 0.
+    At each of n stations along the beam, three points lead from mid-depth to the surface with z > 0.
     """
     place = model.mesh.nodes + shapes.displacement
     sides = np.stack([place[:, :, model.mesh.row(0)], place[:, :, model.mesh.row(-1)]], axis=2)
@@ -111,12 +100,12 @@ def _flat_faces(model: BeamModel, shapes: Shapes) -> Array:
 
 
 def _segments(sides: Array) -> Array:
-    """Divide curves of 2 S + 1 points (x, y), (..., 2 S + 1, 2), into S quadratic segments, (..., S, 3, 2)."""
+    """Divide curves of 2 S + 1 points (x, y) into S quadratic segments, (..., S, 3, 2)."""
     return np.stack([sides[..., 0:-1:2, :], sides[..., 1::2, :], sides[..., 2::2, :]], axis=-2)
 
 
 def _outward(curves: Array) -> Array:
-    """Return the outward unit normals (x, y) of the left and the right edge at n points each, (..., 2, n, 2)."""
+    """Return the outward unit normals (x, y) of the left and the right edge at n points, (..., 2, n, 2)."""
     step = np.diff(curves, axis=-2)
     length = np.linalg.norm(step, axis=-1, keepdims=True)
     direction = step / length
@@ -128,10 +117,10 @@ def _outward(curves: Array) -> Array:
 
 
 def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
-    """Return where m curves along a face of the beam cross the beam's normals in the picture, (..., n, m, 2).
+    """Return the points (x, y) at which m curves (``lines``) cross n straight lines, (..., n, m, 2).
 
-    lines: points (x, y) of the curves, one for each depth, at n stations along the beam, (..., n, m, 2). middle,
-    normal: the point of the curve at mid-depth, and its unit normal, at each station, (..., n, 2).
+    lines: n points (x, y) of each curve, (..., n, m, 2). middle, normal: a point and the unit direction of each line,
+    (..., n, 2).
     """
     n = lines.shape[-3]
     tangent = np.stack([normal[..., 1], -normal[..., 0]], axis=-1)
@@ -157,10 +146,9 @@ def _at_normals(lines: Array, middle: Array, normal: Array) -> Array:
 
 
 def _farthest(lines: Array, normal: Array) -> Array:
-    """Return the outermost point (x, y) of a face of the beam in the picture, at each of n stations, (..., n, 2).
+    """Return the point (x, y) of a face of the beam that lies farthest outward, at each of n stations, (..., n, 2).
 
-    At each station a curve of D quadratic segments leads across the face, through the depth of the beam. lines: the
-    points (x, y) of these curves, (..., n, 2 D + 1, 2). normal: the unit vectors that point outward, (..., n, 2).
+    lines: D quadratic segments across the face, (..., n, 2 D + 1, 2). normal: outward unit vectors, (..., n, 2).
     """
     first, middle, last = lines[..., 0:-1:2, :], lines[..., 1::2, :], lines[..., 2::2, :]  # (..., n, D, 2)
     slope, bend = 0.5 * (last - first), first - 2 * middle + last
@@ -173,10 +161,7 @@ def _farthest(lines: Array, normal: Array) -> Array:
 
 
 def points_on(curves: Array, per_segment: int) -> Array:
-    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2).
-
-    per_segment: number of straight lines that replace a segment.
-    """
+    """Convert curves of S quadratic segments (..., S, 3, 2) to polylines (..., S * per_segment + 1, 2)."""
     xi = np.linspace(-1, 1, per_segment + 1)[:-1]
     shape = np.stack([0.5 * xi * (xi - 1), 1 - xi * xi, 0.5 * xi * (xi + 1)])
     inner = np.einsum("...sad,ax->...sxd", curves, shape)

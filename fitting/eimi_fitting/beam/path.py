@@ -1,9 +1,7 @@
 """Compute the equilibria under a sequence of loads (load states), one after another or all at once.
 
-If the states are solved one after another, the solution of each state begins at an extrapolation of the earlier states.
-The solutions are meant to follow one equilibrium path: the curve of equilibria that the beam passes through while the
-loads grow. If the step from one state to the next fails, or may have ended on another equilibrium path, the step is
-repeated in 4, 16 and 64 smaller steps.
+If they are solved one after another, Newton's method begins at an extrapolation of the solved states. If a step fails,
+or may end on another equilibrium path, it is repeated in 4, 16 and 64 smaller steps.
 """
 
 from __future__ import annotations
@@ -49,26 +47,24 @@ LoadsAt = Callable[[Array, Array], SolidLoads]
 class Shapes:
     """The deformed shapes of the beam for P candidate laws in K load states.
 
-    The mesh has N nodes in d dimensions. For a state that could not be solved, the arrays contain the last shape that
-    was reached.
+    The mesh has N nodes in d dimensions. A state that could not be solved has the last shape that was reached.
 
     Attributes
     ----------
     displacement : ndarray, shape (P, K, N, d)
         Displacements of the nodes in mm.
     rigid : ndarray, shape (P, K, 3)
-        Translation (x, y) of the magnet's reference point in mm, and rotation of the magnet in rad; zero without a
-        magnet.
+        Translation (x, y) of the magnet in mm, and its rotation in rad.
     status : ndarray, shape (P, K)
         `Status` of each state.
     iterations : ndarray, shape (P, K)
-        Number of tangent stiffnesses that were factorised for each state.
+        Number of tangent stiffnesses that were factorised.
     max_stretch : ndarray, shape (P, K)
-        Largest principal stretch in the silicone; 1 in states without a solution.
+        Largest principal stretch in the silicone; 1 without a solution.
     last : Configuration
         The configurations of all candidates in the last state.
     every : Configuration or None
-        The configurations of the first candidate, one row for each state; None unless they were requested.
+        The configurations of the first candidate in all states, if requested.
     """
 
     displacement: Array
@@ -85,7 +81,7 @@ class Shapes:
         return np.asarray((self.status == Status.CONVERGED).all(axis=1))
 
     def take(self, rows: NDArray[np.intp]) -> Shapes:
-        """Return the shapes of the candidate laws with the indices ``rows`` only; an index may occur more than once."""
+        """Return the shapes of the candidate laws with the indices ``rows`` only."""
         return Shapes(
             displacement=self.displacement[rows],
             rigid=self.rigid[rows],
@@ -106,10 +102,9 @@ class Candidates:
     batch : Batch
         The candidates with their parameters in MPa.
     field_factor : ndarray, shape (P,), or None
-        Factor on the magnetic loads of each candidate; None: 1 for all candidates.
+        Factor on the magnetic loads; None: 1.
     sound : ndarray of bool, shape (P,)
-        Whether the parameters and the factor of a candidate are finite and its moduli positive. Other candidates are
-        not solved.
+        Whether all numbers are finite and the moduli positive.
     """
 
     batch: Batch
@@ -117,10 +112,7 @@ class Candidates:
     sound: NDArray[np.bool_]
 
     def take(self, rows: Indices) -> tuple[Batch, Array]:
-        """Return the candidate laws with the indices ``rows``, and the factors on their magnetic loads.
-
-        The factors have the shape (B,) for B candidates, or (1,) if all factors are 1.
-        """
+        """Return the candidate laws with the indices ``rows``, and the factors on their magnetic loads."""
         batch = self.batch
         part = Batch(batch.law, batch.parameters[rows], batch.section, batch.bulk[rows])
         return part, np.ones(1) if self.field_factor is None else self.field_factor[rows]
@@ -140,13 +132,13 @@ def candidates(
     law : Law
         The hyperelastic law.
     parameters : ndarray, shape (P, n)
-        The n parameters of the law for each candidate; moduli in Pa.
+        The n parameters of each candidate; moduli in Pa.
     section : {"plane-stress", "plane-strain", "solid"}
-        How the depth is modelled: by a planar assumption, or in three dimensions ("solid").
+        How the depth is modelled.
     bulk_modulus_Pa : ndarray, shape (P,), or None
-        Bulk modulus in Pa; None: 10 000 times the shear modulus, for an incompressible material.
+        Bulk modulus in Pa; None for an incompressible material.
     field_factor : ndarray, shape (P,), or None
-        Factor on the magnetic loads of each candidate; None: 1.
+        Factor on the magnetic loads; None: 1.
 
     Raises
     ------
@@ -188,13 +180,8 @@ def follow(
 ) -> Shapes:
     """Return the shapes of all candidate laws in K load states, solved one state after another.
 
-    Parameters
-    ----------
-    keep : bool
-        Keep the configurations of the first candidate in ``Shapes.every``.
-    beside : Configuration or None
-        For one candidate only: the configurations of another beam model that bends almost like this model, one row for
-        each state. Newton's method then begins near them.
+    keep: whether ``Shapes.every`` is filled. beside: for one candidate, configurations of a similar beam model, one row
+    for each state, near which Newton's method begins.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -243,10 +230,9 @@ def at_once(
     near: Configuration,
     keep: bool = False,
 ) -> Shapes | None:
-    """Return the shapes of all candidate laws in K load states, solved for all states at once, or None.
+    """Return the shapes of all candidate laws in K load states, solved for all states at once; None if this fails.
 
-    None if one of the solutions fails. near: the configurations of a similar beam, one row for each state, with which
-    Newton's method begins.
+    near: configurations of a similar beam, one row for each state, with which Newton's method begins.
     """
     p, k_states = len(chosen.sound), len(loads)
     loads_at = loads.on(mesh)
@@ -280,7 +266,7 @@ def at_once(
 
 
 def mark_unstable(chosen: Candidates, shapes: Shapes) -> None:
-    """Set the status UNSTABLE in each converged state whose stretches are beyond the stable range of the law."""
+    """Set the status UNSTABLE in each converged state beyond the stable range of the law."""
     batch = chosen.batch
     limit = stable_stretch(batch.law, batch.parameters, shapes.max_stretch.max(axis=1))
     beyond = shapes.max_stretch > limit[:, None] * (1 + 1e-9)
@@ -298,10 +284,9 @@ def _advance(
     tolerance_mm: float,
     near: Configuration | None,
 ) -> tuple[NDArray[np.int8], NDArray[np.intp]]:
-    """Find the equilibria of the candidate laws with the indices ``rows`` under the next load.
+    """Find the equilibria of the candidate laws ``rows`` under the next load; return status and iterations.
 
-    Returns the status and the number of iterations of each candidate. path: the equilibria under earlier loads. now:
-    the configurations, which are overwritten. near: a configuration with which the first attempt begins.
+    path: the equilibria under earlier loads. now: the configurations, which are overwritten.
     """
     status = np.full(len(rows), Status.DIVERGED, np.int8)
     lost = np.zeros(len(rows), bool)  # whether a candidate buckled in the last attempt, certainly on its path
@@ -339,11 +324,9 @@ def _divided(
     tolerance_mm: float,
     only_try: bool = False,
 ) -> tuple[Configuration, NDArray[np.int8], NDArray[np.intp], NDArray[np.bool_]]:
-    """Find the equilibria of candidate laws under the next load, which is reached in ``cuts`` equal steps.
+    """Find the equilibria of the candidate laws ``rows`` under the next load, which is reached in ``cuts`` equal steps.
 
-    Returns configuration, status, number of iterations, and whether the solution certainly belongs to the same
-    equilibrium path. rows: indices of the candidates. path: the equilibria under earlier loads. only_try: give up a
-    candidate as soon as its stiffness is not positive definite.
+    Returns configuration, status, number of iterations, and whether the solution is certainly on the equilibrium path.
     """
     few = _FEW - (tolerance_mm > _LOOSE_MM)
     most = few if cuts < _CUTS[-1] else None  # a candidate that needs more is repeated in smaller steps
@@ -393,11 +376,7 @@ def _divided(
 
 
 def _as_predicted(solid: Solid, predicted: Configuration, solved: Configuration) -> NDArray[np.bool_]:
-    """Return whether the largest strain of each solution is below 1.5 times that of its start plus 0.02, (B,).
-
-    A larger strain is a sign of another equilibrium than the expected one. predicted: the configurations of B candidate
-    laws with which Newton's method began. solved: its results.
-    """
+    """Return whether the largest strain of each solution is below 1.5 times that of ``predicted`` plus 0.02, (B,)."""
     before, after = (solid.stretch(c.displacement).max(axis=(0, 2)) - 1 for c in (predicted, solved))
     return np.asarray(after < _OF_STRAIN * before + _SMALL_STRAIN)
 
@@ -407,11 +386,7 @@ def _taken(path: Path, rows: Indices) -> Path:
 
 
 def _extrapolate(path: Path, load: Array) -> Configuration | None:
-    """Return the configuration under the load ``load``, extrapolated from the equilibria under earlier loads, or None.
-
-    None if fewer than two of the earlier loads can be used: they must lie on a straight line with ``load``. path: the
-    earlier loads and the equilibria under them.
-    """
+    """Return the configuration under ``load``, extrapolated from the equilibria under earlier loads, or None."""
     if len(path) < 2:
         return None
     direction = load - path[-1][0]

@@ -1,14 +1,7 @@
 """Pressure on a face: a load that stays normal to the face and proportional to the present length of the face.
 
-The pressure p acts on a side of an element of a planar body. Let xi be the coordinate along the side, x(xi) the present
-position of the side and N_a the shape function of node a. The force on node a is a linear function of the present
-positions of the nodes:
-
-    f_a = p * integral of N_a (-dx_2/dxi, dx_1/dxi) dxi.
-
-The exact tangent is therefore p times a constant matrix (Bonet and Wood, Nonlinear Continuum Mechanics for Finite
-Element Analysis, 2nd ed., section 8.5.2). The matrix is symmetric except for two skew-symmetric entries at each end of
-the face (Eq. 8.25b of the same book), because a free end makes the load non-conservative.
+The nodal forces are linear in the present positions of the nodes, and the tangent is a constant matrix times the
+pressure (Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., section 8.5.2).
 """
 
 from __future__ import annotations
@@ -29,19 +22,16 @@ class FollowerPressure:
     mesh : Mesh
         The planar mesh.
     nodes : ndarray of int, shape (2 S + 1,)
-        Nodes along the S sides of elements, ordered so that the beam lies to the left of the direction from the first
-        node to the last.
+        Nodes along S sides of elements. The beam lies to the left of the direction from the first to the last node.
     spans : ndarray, shape (S, 2), or None
-        Start and end of the part of each side that is under pressure, in the side's coordinate xi from -1 to 1; None:
-        the whole sides.
+        Start and end of the loaded part of each side (-1 to 1); None: the whole sides.
 
     Attributes
     ----------
     elements : ndarray of int, shape (F,)
-        The F elements with a side under pressure.
+        The elements with a side under pressure.
     operator : ndarray, shape (F, 18, 18)
-        The product of this matrix, the present positions of an element's nodes in mm and the pressure in N/mm² is the
-        vector of nodal forces in N per mm of depth.
+        Derivative of the nodal forces (N/mm) by the nodes' positions (mm), divided by the pressure (N/mm²).
 
     Raises
     ------
@@ -68,6 +58,8 @@ class FollowerPressure:
             slopes = np.stack([xi - 0.5, -2 * xi, xi + 0.5])
             share = 0.5 * (last - first) * values @ slopes.T  # integral of N_a dN_b/dxi
             a, b = np.meshgrid(local, local, indexing="ij")
+            # The matrix is symmetric except for two skew-symmetric entries at each end of the face (Bonet and Wood,
+            # Eq. 8.25b).
             operator[holding[0], 0, a, 1, b] -= share
             operator[holding[0], 1, a, 0, b] += share
         self.elements = np.flatnonzero(np.abs(operator).max(axis=(1, 2, 3, 4)) > 0)
@@ -75,20 +67,10 @@ class FollowerPressure:
         self._rest = mesh.nodes[mesh.elements[self.elements]].transpose(0, 2, 1).reshape(-1, 1, 18)
 
     def press(self, pressure: Array, nodal: Array, force: Array, stiffness: Array) -> None:
-        """Subtract the nodal forces of a pressure from ``force``, and the derivative of the forces from ``stiffness``.
+        """Subtract the nodal forces of a pressure from ``force``, and their derivative from ``stiffness``, in place.
 
-        There are E elements and B candidate laws.
-
-        Parameters
-        ----------
-        pressure : ndarray, shape (B,) or (1,)
-            Pressure on the face in N/mm².
-        nodal : ndarray, shape (E, B, 18)
-            Displacements of the elements' nodes in mm.
-        force : ndarray, shape (E, B, 18)
-            Internal forces of the elements, changed in place.
-        stiffness : ndarray, shape (E, B, 18, 18)
-            Stiffness matrices of the elements, changed in place.
+        pressure: in N/mm² for B candidate laws, (B,) or (1,). nodal: displacements of E elements in mm, (E, B, 18).
+        force: (E, B, 18). stiffness: (E, B, 18, 18).
         """
         tangent = pressure[:, None, None] * self.operator[:, None]  # (F, B, 18, 18)
         place = self._rest + nodal[self.elements]

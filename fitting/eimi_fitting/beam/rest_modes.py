@@ -1,14 +1,7 @@
-"""Smooth deviations of a specimen from its given rest shape, as sums of a few modes.
+"""Smooth deviations of a specimen from its rest shape, as sums of a few modes.
 
-A mode is a polynomial in x = 2 s / l - 1, which increases from -1 at the clamp to 1 at the end of the flexible part.
-Here s is the arc length from the clamp and l the length of the flexible part. P_i are Legendre's polynomials. Bending
-mode i adds the curvature
-
-    c_i P_i(x),    i = 0, 1, 2,
-
-to the centre line. The factor c_i makes the largest offset of the centre line 1 mm. A mode of the width adds P_1(x) or
-P_2(x) to the width: P_1 makes a taper, and P_2 a difference between the middle and the ends. The mean width of the
-flexible part stays the same.
+Let x increase from -1 at the clamp to 1 at the end of the flexible part. Bending mode i has a curvature proportional to
+the Legendre polynomial P_i(x) and a largest offset of 1 mm. A mode of the width adds P_1(x) or P_2(x) in mm.
 """
 
 from __future__ import annotations
@@ -35,16 +28,8 @@ def with_modes(
 ) -> Specimen:
     """Return the specimen with smooth deviations added to its rest shape.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        The specimen with its given rest shape.
-    bends_mm : sequence of float
-        Amplitudes of the modes of bending: the largest offset of the centre line in mm, positive toward +y. The
-        curvature of mode i is proportional to the Legendre polynomial P_i.
-    widths_mm : sequence of float
-        Amplitudes in mm of the Legendre polynomials P_1 and P_2 that are added to the width. The amplitude of P_1 is
-        half of the change of the width from the clamp to the end of the flexible part.
+    bends_mm: largest offsets of the centre line in mm, toward +y; the curvature is proportional to the Legendre
+    polynomial P_i. widths_mm: amplitudes in mm of the Legendre polynomials P_1 and P_2 that are added to the width.
     """
     if not any(bends_mm) and not any(widths_mm):
         return specimen
@@ -67,20 +52,10 @@ def with_modes(
 
 
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
-    """Return a table of a rest shape with a mode (a smooth deviation) added to its values.
+    """Return a table of a rest shape with a smooth deviation (``mode``) added to its values.
 
-    Parameters
-    ----------
-    rows : tuple of (float, float)
-        The table without the mode: each row has a fraction of the beam's length and a value. It may be empty.
-    share : float
-        Length of the flexible part divided by the length of the beam.
-    mode : callable
-        The mode as a function of the arc length divided by the length of the flexible part, from 0 at the clamp to 1.
-        Beyond the flexible part, the value of the mode at 1 is added.
-    before : callable
-        Function that interpolates the table ``rows`` at any fractions of the beam's length, for rows that have to be
-        inserted.
+    rows: the table, with a fraction of the beam's length and a value in each row. share: fraction of the flexible part.
+    before: function that interpolates the table.
     """
     if rows:
         at, values = np.array(rows).T
@@ -100,14 +75,7 @@ def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Cal
 def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
     """Return the offset of the centre line, normal to the beam, due to modes of bending, (n,) in mm.
 
-    Mode i is a deviation from the given rest shape, whose curvature is proportional to the Legendre polynomial P_i.
-
-    Parameters
-    ----------
-    bends_mm : sequence of float
-        Amplitudes of the modes: the largest offset in mm.
-    along : ndarray, shape (n,)
-        Arc length from the clamp, divided by the length of the flexible part.
+    bends_mm: largest offset in each mode in mm. along: arc length divided by the length of the flexible part, (n,).
     """
     return sum((a * _turn(i, along, 1) for i, a in enumerate(bends_mm)), start=np.zeros(len(along)))
 
@@ -115,8 +83,7 @@ def bend_offset(bends_mm: Sequence[float] | Array, along: Array) -> Array:
 def _turn(i: int, x: Array, integrals: int = 0) -> Array:
     """Return the angle (``integrals`` = 0) or the offset (``integrals`` = 1) of the centre line in bending mode i.
 
-    The curvature of the mode is proportional to the Legendre polynomial P_i. The angle is in rad. x: arc length from
-    the clamp. Arc length and offset are divided by the length of the flexible part.
+    x: arc length. Arc length and offset are divided by the length of the flexible part.
     """
     turn = Legendre.basis(i, domain=[0.0, 1.0]).integ(lbnd=0.0)
     offset = turn.integ(lbnd=0.0)

@@ -1,8 +1,4 @@
-"""The stress-free shape of a beam that is not a straight strip of constant width: its bend, width and depth.
-
-All tables are functions of the fraction of the beam's length, from 0 at the clamp to 1 at the tip. A change of the
-length therefore does not change the tables.
-"""
+"""The stress-free shape of a beam that is not a straight strip: tables of its bend, width and depth along the beam."""
 
 from __future__ import annotations
 
@@ -29,11 +25,11 @@ class RestShape:
     Parameters
     ----------
     turns : tuple of (float, float)
-        Rows of two numbers: a fraction of the beam's length, and the angle of the centre line there in rad. The rows
-        are connected by a cubic spline. The angle is measured from the normal of the clamp. The first row is (0, 0).
+        Fraction of the beam's length, and angle of the centre line there in rad. The first row is (0, 0). The rows are
+        connected by a cubic spline.
     widths, depths : tuple of (float, float)
-        Rows of two numbers: a fraction of the beam's length, and the addition to the specimen's width or depth there in
-        mm. The rows are connected by straight lines. Two rows with the same fraction describe a step.
+        Fraction of the beam's length, and addition to the specimen's width or depth there in mm. The rows are connected
+        by straight lines. Two rows with equal fractions are a step.
 
     Examples
     --------
@@ -54,7 +50,7 @@ class RestShape:
     depths: Rows = ()
 
     def angle_rad(self, shares: Array) -> Array:
-        """Return the angle of the centre line in rad at fractions of the beam's length, in the shape of ``shares``."""
+        """Return the angle of the centre line in rad at fractions of the beam's length."""
         if not self.turns:
             return np.zeros(np.shape(shares))
         at, angles = np.array(self.turns).T
@@ -74,10 +70,7 @@ class RestShape:
 
 
 def table_at(rows: Rows, shares: Array) -> Array:
-    """Return the values of a table at fractions of the beam's length, in the shape of ``shares``; 0 without rows.
-
-    rows: each has a fraction of the length and a value.
-    """
+    """Return the values of a table (rows of fraction and value) at fractions of the beam's length; 0 without rows."""
     if not rows:
         return np.zeros(np.shape(shares))
     at, values = np.array(rows).T
@@ -101,16 +94,15 @@ def centre_line(points_mm: Array, length_mm: float) -> Rows:
     Parameters
     ----------
     points_mm : ndarray, shape (n, 2)
-        Points (x, y) of the centre line in order from the clamp (0, 0) to the tip, in the beam frame. The curve through
-        the points may be up to 2 % longer or shorter than the beam.
+        Points (x, y) of the centre line, from the clamp (0, 0) to the tip.
     length_mm : float
         Length of the beam.
 
     Raises
     ------
     ValueError
-        There are fewer than four points, two neighbouring points are the same, the first point is not at the clamp, or
-        the curve is too long or too short.
+        There are fewer than four points, two neighbouring points are equal, the first point is not at the clamp, or the
+        curve is more than 2 % longer or shorter than the beam.
     """
     points = np.asarray(points_mm, float)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 4:

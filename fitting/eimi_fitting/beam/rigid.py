@@ -1,4 +1,4 @@
-"""A rigid body in the silicone, such as a magnet. The motion has three unknowns: two translations and a rotation."""
+"""The motion of a rigid body in the silicone, such as a magnet: two translations and a rotation."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Array = NDArray[np.float64]
 
 
 class RigidBody:
-    """The nodes that move with a rigid body (the magnet), and the displacements of these nodes and of their elements.
+    """The nodes that move with a rigid body (the magnet).
 
     Attributes
     ----------
     nodes : ndarray of int, shape (T,)
-        The T nodes that move with the body.
+        The nodes that move with the body.
     arms : ndarray, shape (T, 2)
-        The vectors (x, y) from the reference point of the body to the T nodes at rest, in mm.
+        The vectors (x, y) at rest from the reference point of the body to the nodes, in mm.
     elements : ndarray of int, shape (Et,)
-        The Et elements that have at least one of the T nodes.
+        The elements that have at least one of the nodes.
     """
 
     def __init__(self, mesh: Mesh | Bricks, nodes: Indices, centre: tuple[float, float]) -> None:
@@ -41,10 +41,9 @@ class RigidBody:
         self._sine = np.concatenate([-x, -y, *in_depth], axis=1)[:, None]
 
     def carry(self, displacement: Array, rigid: Array) -> None:
-        """Set the displacements of the nodes of the rigid body (magnet), in place, from the motion of the body.
+        """Set the displacements of the magnet's nodes, in place, from the motion of the magnet.
 
-        displacement: displacements of all N nodes with d coordinates for B candidate laws, (B, N, d) in mm. rigid:
-        translation (x, y) in mm and rotation in rad of the body, (B, 3).
+        displacement: of all N nodes, (B, N, d) in mm. rigid: translation (x, y) in mm and rotation in rad, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         x, y = self.arms.T
@@ -52,10 +51,9 @@ class RigidBody:
         displacement[:, self.nodes, 1] = rigid[:, 1:2] + s * x + (c - 1) * y
 
     def matrix(self, rigid: Array) -> Array:
-        """Return the derivatives of the displacements of elements at the magnet by the magnet's motion, (Et, B, u, 3).
+        """Return the derivatives of the u displacements of Et elements by the motion of the magnet, (Et, B, u, 3).
 
-        Et elements have nodes on the magnet; each element has u displacements. rigid: the motion, which is translation
-        (x, y) in mm and rotation in rad, for B candidate laws, (B, 3).
+        rigid: translation (x, y) in mm and rotation in rad for B candidate laws, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         tie = np.empty((len(self.elements), len(rigid), self._translation.shape[2], 3))
@@ -64,10 +62,9 @@ class RigidBody:
         return tie
 
     def stiffness_of_turning(self, force: Array, rigid: Array) -> Array:
-        """Return the rotational stiffness of the rigid body (magnet) due to the forces on its nodes, (B,) in N mm.
+        """Return the rotational stiffness of the magnet due to the forces on its nodes, (B,) in N mm.
 
-        force: the forces (E, B, u) on the u unknowns of each of E elements, for B candidate laws. rigid: translation
-        (x, y) in mm and rotation in rad of the body, (B, 3).
+        force: of E elements, (E, B, u). rigid: translation (x, y) in mm and rotation in rad, (B, 3).
         """
         c, s = np.cos(rigid[:, 2])[:, None], np.sin(rigid[:, 2])[:, None]
         bending = self._sine * c - self._cosine * s  # second derivative of the tied displacements by the rotation
@@ -75,10 +72,10 @@ class RigidBody:
 
 
 def dead_moment(tensor: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return the moment on the rigid body (magnet) by loads with constant direction, and its stiffness, (B,) each.
+    """Return the moment on the magnet by loads with constant direction, and its stiffness, (B,) each.
 
-    The potential of the loads is -Q : R(theta), with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the
-    rotation theta, for B candidate laws. rigid: translation (x, y) and rotation of the body, (B, 3).
+    The potential is -Q : R, with the tensor Q (``tensor``, (B, 2, 2)) and the matrix R of the rotation. rigid:
+    translation (x, y) and rotation, (B, 3).
     """
     c, s = np.cos(rigid[:, 2]), np.sin(rigid[:, 2])
     even, odd = tensor[:, 0, 0] + tensor[:, 1, 1], tensor[:, 1, 0] - tensor[:, 0, 1]

@@ -1,8 +1,4 @@
-"""The solid mesh of a specimen, with the lines of the planar mesh and elements over half of the depth.
-
-Specimen, magnet and loads are symmetric about mid-depth, z = 0. The plane at mid-depth therefore stays plane, and only
-the half with z > 0 needs a mesh.
-"""
+"""The solid mesh of a specimen: the lines of the planar mesh, and elements over half of the depth, z > 0."""
 
 from __future__ import annotations
 
@@ -26,15 +22,15 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 
 
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
-    """Return the z coordinates in mm of the mesh lines over half of the depth, from mid-depth to the surface.
+    """Return the z coordinates in mm of the mesh lines from mid-depth to the surface.
 
-    magnet_depth: depth of the magnet in mm. more: number of elements to add to the part inside the magnet's depth, and
-    also to the part outside.
+    magnet_depth: in mm. more: number of elements added inside the magnet's depth, and added outside.
     """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
         return np.linspace(0, half, _FEWEST + more + 1)
     layer = half - edge
+    # The part inside the depth of the magnet and the part outside each get ``more`` elements.
     behind, before = (_FEWEST + more + (part > _DEEP / 2 * width) for part in (edge, layer))
     fade = 0.5 * min(width, layer)
     inner = graded(edge, behind, fade, 0.0, _FINER_AT_EDGE)
@@ -42,35 +38,31 @@ def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
 
 
 class SolidGrid:
-    """The solid mesh of a specimen, over half of its depth.
-
-    The mesh is built in a reference beam (a straight beam of constant width and depth), which is mapped to the specimen
-    at rest.
+    """The solid mesh of half of a specimen (z > 0), built in a straight reference beam.
 
     Parameters
     ----------
     specimen : Specimen
-        The beam, with its magnet if it has one.
+        The beam.
     along, across : int
         Numbers of elements along the flexible part and across the width.
     more : int
-        Number of additional elements over half of the depth. A magnet of smaller depth than the beam divides this half
-        into two sections, and each section gets the additional elements.
+        Number of elements added in depth.
 
     Attributes
     ----------
     flat : Grid
-        The planar mesh with the same lines.
+        The planar mesh of the specimen.
     strip : Strip
         The map from the reference beam to the specimen at rest.
     straight_mm : ndarray, shape (N, 3)
         Positions (x, y, z) of the N nodes in the reference beam.
     z_mm : ndarray
-        The z coordinates of the mesh lines, from mid-depth, z = 0.
+        The z coordinates of the mesh lines.
     mesh : Bricks
         The elements of silicone.
     per_specimen : float
-        1/2, the fraction of a load that acts on the mesh. The mesh is half of the specimen.
+        The fraction of a load on the specimen that acts on the mesh, 1/2.
     block_mm, magnet_nodes, face_mm, turn_rad
         As in the planar mesh (`Grid`).
     """
@@ -101,11 +93,7 @@ class SolidGrid:
         self.mesh: Bricks = replace(mesh, elements=mesh.elements[~inside.ravel()])
 
     def straightened(self, points_mm: Array) -> Array:
-        """Map n points of the specimen at rest to the reference beam, in mm.
-
-        The reference beam is straight and has a constant width and depth; the mesh is built in it. points_mm: positions
-        (x, y), shape (n, 2), or (x, y, z), shape (n, 3). The result has the same shape.
-        """
+        """Map n points of the specimen at rest to the straight reference beam, (n, 2) or (n, 3) in mm."""
         points = np.atleast_2d(np.asarray(points_mm, float))
         flat = self.flat.straightened(points[:, :2])
         if points.shape[1] == 2:
@@ -113,10 +101,9 @@ class SolidGrid:
         return np.column_stack([flat, self.strip.straight_z_mm(flat[:, 0], points[:, 2])])
 
     def on_magnet(self, points_mm: Array) -> NDArray[np.bool_]:
-        """Return whether each of n points lies in the magnet or in silicone that moves rigidly with it, shape (n,).
+        """Return whether each of n points moves rigidly with the magnet, shape (n,).
 
-        points_mm: positions (x, y, z), (n, 3), or (x, y), (n, 2), in the reference beam, a straight beam of constant
-        width and depth.
+        points_mm: points (x, y) or (x, y, z) of the straight reference beam, (n, 2 or 3).
         """
         points = np.atleast_2d(np.asarray(points_mm, float))
         on = self.flat.on_magnet(points[:, :2])
@@ -127,8 +114,7 @@ class SolidGrid:
     def place(self, points_mm: Array) -> tuple[Indices, Array]:
         """Return the 27 nodes around each of n points and their shape functions there, (n, 27) each.
 
-        points_mm: positions (x, y, z) of the points in the reference beam, a straight beam of constant width and depth,
-        (n, 3).
+        points_mm: points (x, y, z) of the straight reference beam, (n, 3).
 
         Raises
         ------
@@ -153,10 +139,9 @@ class SolidGrid:
         return self._all[(cells[0] * n + cells[1]) * k + cells[2]], shape_functions(*local)[0]
 
     def through_depth(self, point_mm: Array) -> tuple[Indices, Array]:
-        """Return the nodes that share a force at a point (x, y), and their fractions of the force, (m, 27) each.
+        """Return the nodes that share a force, and their fractions of the force, (m, 27) each.
 
-        The force is spread over m points through the depth. point_mm: the point (x, y) in the reference beam, a
-        straight beam of constant width and depth.
+        The force is spread over m points through the depth. point_mm: the point (x, y) in the straight reference beam.
         """
         ends, half = self.z_mm, np.diff(self.z_mm) / 2
         gauss, weight = np.polynomial.legendre.leggauss(2)

@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 class SolidModel:
     """The finite-element model of a specimen in three dimensions.
 
-    The magnet is rigid; the silicone around it deforms.
-
     Parameters
     ----------
     specimen : Specimen
@@ -28,7 +26,7 @@ class SolidModel:
     along, across : int
         Numbers of elements along the flexible part and across the width.
     more : int
-        Number of elements over half of the depth in addition to the smallest number.
+        Number of elements added in depth.
 
     Raises
     ------
@@ -81,18 +79,12 @@ class SolidModel:
         law, parameters, loads, tolerance_mm, start, bulk_modulus_Pa, field_factor
             See `BeamModel.solve`.
         beside : Configuration or None
-            For one candidate only: the configurations of the planar model in the K states. Newton's method then begins
-            near them.
-
-        Returns
-        -------
-        Shapes
-            The shapes, with displacements (P, K, N, 3) of the N nodes.
+            For one candidate: the configurations of the planar model, near which Newton's method begins.
 
         Raises
         ------
         ValueError
-            ``loads`` contains a pressure, which the solid model cannot represent.
+            ``loads`` contains a pressure.
         """
         chosen = candidates(law, parameters, "solid", bulk_modulus_Pa, field_factor)
         return follow(self.solid, self.loaded, chosen, loads, tolerance_mm, start, beside=beside)

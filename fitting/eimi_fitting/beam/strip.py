@@ -1,13 +1,8 @@
 """The geometry of a specimen at rest, as a map from a straight reference beam of constant width and depth.
 
-A point of the reference beam has the coordinates (s, t): the arc length s of the centre line from the clamp, and the
-distance t from the centre line. Meshes consist of lines of constant s and t, which are mapped by
-
-    x(s, t) = c(s) + n(s) t w(s) / w_0
-
-with the centre line c, its unit normal n, the width w(s) and the width w_0 of the reference beam. A magnet is a rigid
-block, and the map does not deform it: along the magnet the centre line is straight, and the sides of the magnet keep
-their distance from the centre line.
+With the arc length s from the clamp and the distance t from the centre line, the map is x(s, t) = c(s) + n(s) t w(s) /
+w_0, with the centre line c, its unit normal n, the width w and the width w_0 of the reference beam. The magnet is not
+deformed.
 """
 
 from __future__ import annotations
@@ -35,21 +30,19 @@ class ImpossibleShape(ValueError):
 
 
 class Strip:
-    """The map from a reference beam (straight, of constant width and depth) to the shape of a specimen at rest.
+    """The map from a straight reference beam of constant width and depth to the specimen at rest.
 
     Parameters
     ----------
     specimen : Specimen
-        The beam, with its magnet if it has one.
+        The beam.
 
     Attributes
     ----------
     straight : Specimen
-        The reference beam. If the width varies along the magnet, the width of the reference beam is the smallest width
-        there, and likewise the depth. Without a magnet, the reference beam has ``width_mm`` and ``depth_mm`` of the
-        specimen.
+        The reference beam.
     is_straight : bool
-        Whether the reference beam and the specimen at rest are the same.
+        Whether the map is the identity.
 
     Raises
     ------
@@ -76,6 +69,7 @@ class Strip:
                 smallest = float(table(np.linspace(0, self._length, 257)).min())
                 if not smallest > 0:
                     raise ImpossibleShape(f"{name} of the rest shape falls to {smallest:g} mm, but must be above 0 mm")
+                # The magnet keeps its size: the reference beam has the smallest width and depth along the magnet.
                 if magnet:
                     sizes[name] = float(table(along).min())
             self.straight = replace(specimen, rest_shape=None, width_mm=sizes["width_mm"], depth_mm=sizes["depth_mm"])
@@ -118,10 +112,7 @@ class Strip:
         )
 
     def at_rest(self, straight_mm: Array) -> Array:
-        """Map n points (x, y) of the reference beam to the specimen at rest, (n, 2) in mm.
-
-        straight_mm: the points in the reference beam, which is straight and has a constant width, (n, 2).
-        """
+        """Map n points (x, y) of the straight reference beam, (n, 2) in mm, to the specimen at rest, (n, 2) in mm."""
         points = np.asarray(straight_mm, float)
         if self.is_straight:
             return points
@@ -133,10 +124,7 @@ class Strip:
         return np.asarray(self._centre(s) + across[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def straightened(self, places_mm: Array) -> Array:
-        """Map n points (x, y) of the specimen at rest to the reference beam, (n, 2) in mm.
-
-        places_mm: the points at rest, (n, 2). The reference beam is straight and has a constant width.
-        """
+        """Map n points (x, y) of the specimen at rest, (n, 2) in mm, to the straight reference beam, (n, 2) in mm."""
         places = np.asarray(places_mm, float)
         if self.is_straight:
             return places
@@ -160,10 +148,9 @@ class Strip:
         return s, across
 
     def _lines_across(self, s: Array) -> tuple[Array, Array]:
-        """Return the distances from the centre line to the side of the magnet and to the side of the beam, in mm.
+        """Return the distances of the magnet's side and the beam's side from the centre line, in mm.
 
-        The first result, (2, 1), is for the reference beam, which is straight and has a constant width. The second, (2,
-        n), is for the specimen at rest, at n arc lengths s in mm from the clamp.
+        The first result, (2, 1), is for the straight reference beam, the second, (2, n), for the specimen at rest.
         """
         magnet = self.straight.magnet
         core = 0.5 * magnet.width_mm if magnet else 0.0
@@ -178,18 +165,16 @@ class Strip:
         return np.array([[core], [half]]), np.stack([inner, ends])
 
     def z_at_rest_mm(self, s: Array, z: Array) -> Array:
-        """Map the distances z from mid-depth of n points from the reference beam to the specimen at rest, (n,) in mm.
+        """Return the z coordinates of n points in the specimen at rest, (n,) in mm.
 
-        The reference beam has a constant depth. s: arc lengths of the points from the clamp, (n,). z: their distances
-        in the reference beam, (n,).
+        s: arc lengths from the clamp in mm, (n,). z: z coordinates in the straight reference beam, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)) if self._depths else z
 
     def straight_z_mm(self, s: Array, z: Array) -> Array:
-        """Map the distances z from mid-depth of n points from the specimen at rest to the reference beam, (n,) in mm.
+        """Return the z coordinates of n points in the straight reference beam, (n,) in mm.
 
-        The reference beam has a constant depth. s: arc lengths of the points from the clamp, (n,). z: their distances
-        at rest, (n,).
+        s: arc lengths from the clamp in mm, (n,). z: z coordinates in the specimen at rest, (n,).
         """
         return _rescaled(z, *self._lines_in_depth(s)[::-1]) if self._depths else z
 
@@ -199,20 +184,14 @@ class Strip:
         return self._lines(s, self.depth_mm, 0.5 * self.straight.depth_mm, core)
 
     def thickness(self, s: Array) -> Array | None:
-        """Return the depth of the specimen divided by the depth of the reference beam, (n,), at n arc lengths s in mm.
-
-        The reference beam has a constant depth. None if the depth of the specimen is the same everywhere.
-        """
+        """Return the relative depth of the beam at n arc lengths, (n,); None if the depth is constant."""
         return self.depth_mm(s) / self.straight.depth_mm if self._depths else None
 
 
 def _rescaled(value: Array, before: Array, after: Array) -> Array:
-    """Map the distances of n points from the centre line (or from mid-depth) between two beams, (n,) in mm.
+    """Map n distances from the middle of one beam to distances from the middle of another beam, (n,) in mm.
 
-    One beam is the reference beam of constant width and depth, the other the specimen at rest. The map is linear inside
-    the magnet and linear in the silicone outside it. value: the distances with their sign, (n,). before, after:
-    distances of the magnet's side and of the beam's side from the centre line, in the beam from which and to which is
-    mapped, (2, 1) or (2, n).
+    before, after: half widths (or depths) of the magnet and of the beam, in the first and in the second beam.
     """
     size = np.abs(value)
     (inner, outer), (new_inner, new_outer) = before, after
@@ -221,10 +200,9 @@ def _rescaled(value: Array, before: Array, after: Array) -> Array:
 
 
 def _without_steps(rows: Rows, length_mm: float, magnet_mm: tuple[float, float]) -> Rows:
-    """Return a table of the width or the depth along the beam with a short ramp in place of every step (jump).
+    """Return a table of the width or depth (rows of fraction and value) with a ramp in place of every step.
 
-    rows: each row has a fraction of the beam's length, and the width or the depth there. magnet_mm: distances of the
-    two faces of the magnet from the clamp.
+    magnet_mm: distances of the magnet's faces from the clamp.
     """
     ramped = list(rows)
     for i, ((share, before), (other, after)) in enumerate(pairwise(rows)):

@@ -1,14 +1,7 @@
-"""The linear system of a Newton step: the band matrix of the nodes and the three unknowns of a rigid body (the magnet).
+"""The linear system of a Newton step: the nodes, and the three unknowns of a rigid body (the magnet).
 
-A rigid body at the end of the beam is coupled to the last few nodes only, and the rows of the body fit in the band. A
-rigid body with silicone around it is coupled to many columns of nodes and would widen the band. The three unknowns y of
-this body are then kept apart from the unknowns x of the nodes. With the matrix K and the forces f of the nodes, the
-matrix D and the forces g of the body, and the coupling matrices C and R,
-
-    [K  C] [x]   [f]
-    [R  D] [y] = [g],    (D - R K^-1 C) y = g - R K^-1 f,    x = K^-1 (f - C y).
-
-The Schur complement D - R K^-1 C needs three additional right-hand sides. All systems of a batch are solved together.
+With the unknowns x of the nodes and y of the body, K x + C y = f and R x + D y = g. If the rows of the body do not fit
+in the band matrix, y is computed from the Schur complement, (D - R K^-1 C) y = g - R K^-1 f.
 """
 
 from __future__ import annotations
@@ -31,18 +24,18 @@ _LOWER = np.tril_indices(3)
 
 
 class Solution(NamedTuple):
-    """The solution of the linear systems of B candidate laws; zero for candidates whose system could not be solved.
+    """The solution of the linear systems of B candidate laws.
 
     Attributes
     ----------
     nodes : ndarray, shape (B, n)
         Changes of the n unknown displacements of nodes, in mm.
     body : ndarray, shape (B, 3)
-        Changes of the translation (x, y) of the rigid body (the magnet) in mm, and of its rotation in rad.
+        Changes of the magnet's translation (x, y) in mm and rotation in rad.
     sound : ndarray of bool, shape (B,)
         Whether the system could be solved.
     indefinite : ndarray of bool, shape (B,)
-        Whether the matrix of nodes and body is not positive definite; False for matrices that are not symmetric.
+        Whether the matrix is symmetric and not positive definite.
     """
 
     nodes: Array
@@ -52,23 +45,18 @@ class Solution(NamedTuple):
 
 
 class System:
-    """The assembly and solution of the linear equations of a Newton step, for a given mesh.
-
-    The object stores only the positions of the entries of the element matrices in the matrix of the whole mesh. It is
-    therefore used again in each Newton step and for all candidate laws.
+    """The assembly and solution of the linear equations of a Newton step on a mesh.
 
     Parameters
     ----------
     dofs : ndarray of int, shape (E, d)
-        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to a node of the rigid
-        body (the magnet with the silicone that moves rigidly with it).
+        Numbers of the d unknowns of each of E elements; -1 if an unknown is fixed or belongs to the magnet.
     n : int
         Number of unknowns of the nodes.
     tied : ndarray of int or None
-        The elements that have nodes of the rigid body; None without a body.
+        The elements with nodes on the magnet.
     at_once : int or None
-        Number of elements in a group. The matrices of one group are computed and added before those of the next group,
-        which saves memory. None: all elements are one group.
+        Number of elements whose matrices are in memory at a time; None: all elements.
     """
 
     def __init__(self, dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> None:
@@ -92,10 +80,7 @@ class System:
         self._assembly = BandAssembly(dofs, n + 3 if self._in_band else n, at_once)
 
     def assembled(self, force: Array) -> Array:
-        """Return the forces on the n unknowns of the mesh, summed over the elements, (B, n).
-
-        force: the forces on the d unknowns of each of E elements, for B candidate laws, (E, B, d).
-        """
+        """Return the forces on n unknowns of the mesh, (B, n): the sum of the forces of E elements, (E, B, d)."""
         return self._assembly.vector(force)[:, : self.n]
 
     def solve(
@@ -113,23 +98,20 @@ class System:
         Parameters
         ----------
         stiffness : ndarray, shape (E, B, d, d), or iterable of ndarrays
-            The matrices of all E elements with d unknowns each. An iterable yields them in groups of ``at_once``
-            elements, so that only one group is in memory at a time.
+            The matrices of E elements with d unknowns each, all together or in groups of ``at_once`` elements.
         force : ndarray, shape (E, B, d)
             Forces of the elements.
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            Three arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation;
-            None without a body. The first array tells how the Et elements with nodes on the body move with it: the
-            derivatives of their unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the
-            stiffness of the body itself, (B, 3, 3), and the third the loads on the body, (B, 3) or (1, 3).
+            For the three unknowns of the magnet: the derivatives of the unknowns of Et elements by them, (Et, B, d, 3),
+            the stiffness, (B, 3, 3), and the loads, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
             Whether the stiffness is symmetric.
         only_definite : bool
-            True: do not solve candidates whose factorised matrix is symmetric but not positive definite.
+            Do not solve candidates whose symmetric matrix is not positive definite.
         """
         rest = right - self.assembled(force)
         parts = self._assembly.divided(stiffness) if isinstance(stiffness, np.ndarray) else stiffness
@@ -175,7 +157,7 @@ class System:
         return Solution(nodes * sound[:, None], rigid, sound, indefinite)
 
     def _collecting(self, parts: Iterable[Array], tied: list[Array]) -> Iterator[Array]:
-        """Yield the given matrices of each group of elements; append those of elements at the magnet to ``tied``."""
+        """Yield the matrices of each group of elements; append those of elements at the magnet to ``tied``."""
         for part, matrices in zip(self._assembly.parts, parts, strict=True):
             if self._tied is not None:
                 inside = self._tied[(self._tied >= part.start) & (self._tied < part.stop)]
@@ -183,20 +165,18 @@ class System:
             yield matrices
 
     def _body_coupling(self, rows: Array) -> Array:
-        """Return the stiffness between the magnet (a rigid body) and m unknowns of the nodes around it, (B, 3, m).
+        """Return the stiffness between the magnet and m unknowns of the nodes around it, (B, 3, m).
 
-        rows: the contributions of the Et elements that have nodes on the magnet, (Et, B, 3, d), with d unknowns in each
-        element.
+        rows: the contributions of Et elements at the magnet, (Et, B, 3, d).
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)
         return np.ascontiguousarray(total.T).reshape(b, 3, -1)
 
     def _with_body(self, band: Array, rows: Array, corner: Array) -> Array:
-        """Write the stiffness of the rigid body (the magnet) into the lower band of the system matrix; return the band.
+        """Write the stiffness of the magnet into the lower band of the system matrix; return the band.
 
-        rows: the stiffness between the body and m unknowns of the nodes, (B, 3, m). corner: the stiffness of the body
-        itself, (B, 3, 3).
+        rows: stiffness between the magnet and m unknowns of nodes, (B, 3, m). corner: that of the magnet, (B, 3, 3).
         """
         flat = band.reshape(len(band), -1)
         flat[:, self._row_places] = rows.reshape(len(rows), -1)
@@ -219,12 +199,10 @@ class System:
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
-    """Return a `System`, which assembles and solves the linear equations of a Newton step on a mesh.
+    """Return the assembly and solution of the linear equations on a mesh.
 
-    Equal arguments give the same object, if ``at_once`` is None. dofs: numbers of the d unknowns of each of E elements,
-    (E, d); -1 for an unknown that is fixed or belongs to the magnet. n: number of unknowns of the nodes. tied: indices
-    of the elements with nodes on the magnet, or None without a magnet. at_once: number of elements whose matrices are
-    in memory at the same time; None for all elements.
+    dofs: numbers of the d unknowns of each of E elements, (E, d); -1 for none. n: number of unknowns of the nodes.
+    tied: indices of the elements at the magnet. at_once: number of elements in memory at a time.
     """
     if at_once is not None:
         return System(dofs, n, tied, at_once)
@@ -243,20 +221,17 @@ class FactoredSystem:
     Parameters
     ----------
     structure : System
-        The positions of the entries of the element matrices in the matrix of the whole mesh; the same for all
-        candidates.
+        The assembly of the element matrices.
     stiffness : ndarray, shape (E, B, d, d)
         Symmetric matrices of E elements with d unknowns each.
     body : tuple of two ndarrays, or None
-        Two arrays that add the rigid body (the magnet) with its three unknowns, translation (x, y) and rotation; None
-        without a body. The first array tells how the Et elements with nodes on the body move with it: the derivatives
-        of their unknowns by the three unknowns of the body, (Et, B, d, 3). The second array is the stiffness of the
-        body itself, for example due to a magnetic torque, (B, 3, 3).
+        For the three unknowns of the magnet: the derivatives of the unknowns of Et elements by them, (Et, B, d, 3), and
+        the stiffness, (B, 3, 3).
 
     Attributes
     ----------
     sound : ndarray of bool, shape (B,)
-        Whether the matrix of nodes and body is positive definite.
+        Whether the matrix is positive definite.
     """
 
     def __init__(self, structure: System, stiffness: Array, body: tuple[Array, Array] | None) -> None:
@@ -285,8 +260,7 @@ class FactoredSystem:
     def solve(self, nodes: Array, body: Array) -> tuple[Array, Array]:
         """Return the unknowns of the nodes, (m, B, n), and of the rigid magnet, (m, B, 3), for m right-hand sides.
 
-        nodes, body: the right-hand sides for the nodes and for the magnet, in the same shapes. There are B candidate
-        laws.
+        nodes, body: the right-hand sides, (m, B, n) and (m, B, 3).
         """
         structure = self._structure
         if self._body is None:

@@ -1,15 +1,8 @@
-"""The motion of a beam in time, with inertia and viscoelasticity, to verify the theory of small motions.
+"""The motion of a planar beam in plane stress in time, with inertia and viscoelasticity.
 
-The stress of a quasi-linear viscoelastic material is S = g_inf S_e(F) + sum_i Q_i. Here S_e(F) is the elastic stress of
-the instantaneous law at the deformation gradient F, and g_inf is the ratio of the long-term to the instantaneous
-modulus. The internal variable Q_i belongs to term i of the Prony series, with the relative modulus g_i and the
-relaxation time tau_i. In a time step dt from n to n + 1, in which the elastic stress changes linearly,
-
-    Q_i[n+1] = exp(-dt / tau_i) Q_i[n] + g_i a_i (S_e[n+1] - S_e[n]),    a_i = (1 - exp(-dt / tau_i)) tau_i / dt
-
-(Simo and Hughes 1998, Computational Inelasticity, section 10.3). Time is integrated by the generalised-alpha method
-with alpha_f = 0 (Chung and Hulbert 1993, J. Appl. Mech. 60:371). This method damps only vibrations that are too fast
-for the time step. Each step is solved by Newton's method. The beam model is planar, in plane stress.
+Time is integrated by the generalised-alpha method with alpha_f = 0 (Chung and Hulbert 1993, J. Appl. Mech. 60:371). The
+material is quasi-linear viscoelastic with a Prony series (Simo and Hughes 1998, Computational Inelasticity, section
+10.3). Each time step is solved by Newton's method.
 """
 
 from __future__ import annotations
@@ -39,16 +32,14 @@ _MOST_PARTS = 64  # largest number of parts into which a step is divided
 
 
 class NotSolved(Exception):
-    """Newton's method did not converge in a time step of the beam's motion."""
+    """Newton's method did not converge in a time step."""
 
 
 @dataclass
 class _State:
     """The motion of the beam at one time: displacements, velocities, accelerations and stresses.
 
-    Arrays of the N nodes have the shape (N, 2). ``points`` are the displacements of two point masses that stand for the
-    magnet, (2, 2). ``elastic`` is the stress of the instantaneous law. ``overstress`` is the part of the stress that
-    relaxes, for each term of the Prony series.
+    Arrays of the N nodes have the shape (N, 2). Two point masses (``points``, (2, 2)) stand for the magnet.
     """
 
     nodes: Array
@@ -66,6 +57,8 @@ class _State:
 class Transient:
     """The motion of a beam in time for one candidate law, under loads that change from time step to time step.
 
+    The beam starts at rest in the equilibrium under ``loads``.
+
     Parameters
     ----------
     model : BeamModel
@@ -73,11 +66,11 @@ class Transient:
     law : Law
         The instantaneous hyperelastic law.
     parameters : ndarray, shape (n,)
-        The n parameters of the instantaneous law; moduli in Pa.
+        The n parameters of the law; moduli in Pa.
     series : Prony
-        One Prony series with m terms.
+        One Prony series.
     loads : Loads
-        The loads at the start, in one load state. The beam starts at rest in the equilibrium under these loads.
+        The loads at the start, in one load state.
 
     Raises
     ------
@@ -127,11 +120,11 @@ class Transient:
 
     @property
     def rigid(self) -> Array:
-        """Translation (x, y) in mm and rotation in rad of the magnet at the present time, shape (3,)."""
+        """Present translation (x, y) of the magnet in mm and its rotation in rad, shape (3,)."""
         return self._state.rigid
 
     def shapes(self) -> Shapes:
-        """Return the shape of the beam at the present time, as `Shapes` of one candidate law in one load state."""
+        """Return the present shape of the beam, as `Shapes` of one candidate law in one load state."""
         rest = self._solid.rest(1)
         now = replace(rest, displacement=self._state.nodes[None], rigid=self._state.rigid[None])
         one = np.ones((1, 1))
@@ -140,7 +133,7 @@ class Transient:
         )
 
     def advance(self, step_s: float, loads: Loads, with_inertia: bool = True) -> None:
-        """Advance the beam's motion by one time step under given loads.
+        """Advance the beam's motion by one time step.
 
         Parameters
         ----------
@@ -149,12 +142,12 @@ class Transient:
         loads : Loads
             The loads at the end of the step, in one load state.
         with_inertia : bool
-            False: neglect inertia, for slow creep. The steps may then be longer than a period of vibration.
+            False: neglect inertia, for slow creep.
 
         Raises
         ------
         NotSolved
-            Newton's method does not converge in 64 parts of the step.
+            Newton's method does not converge.
         """
         parts = 1
         while parts <= _MOST_PARTS:
@@ -172,6 +165,8 @@ class Transient:
 
     def _advance(self, step_s: float, loads: Loads, with_inertia: bool) -> None:
         old = self._state
+        # In a step, the internal variable of each term of the Prony series is multiplied by ``fading``. To it is added
+        # the change of the elastic stress, multiplied by ``share``.
         fading = np.exp(-step_s / self.series.tau_s)
         share = self.series.g * -np.expm1(-step_s / self.series.tau_s) * self.series.tau_s / step_s
         stiffness = float(self.series.long_term + share.sum())
@@ -220,28 +215,10 @@ class Transient:
         inertia: float,
         rigid: Array,
     ) -> tuple[Array, Array]:
-        """Return the changes of the displacements in one iteration of Newton's method: (N, 2) in mm and (3,).
+        """Return the changes of the nodes' displacements, (N, 2), and of the magnet's motion, (3,), in one iteration.
 
-        The first result is for the nodes. The second is for the magnet: translation (x, y) in mm and rotation in rad.
-
-        Parameters
-        ----------
-        ev
-            Forces and stresses at the present displacements.
-        remembered
-            The part of the stress that depends on the motion before the time step; it is added to the stress of ``ev``.
-        loads
-            The loads on the mesh at the end of the time step.
-        node_accelerations
-            Accelerations of the nodes in this iteration, (N, 2); they give the inertial forces on the nodes.
-        point_accelerations
-            Accelerations of the two point masses that stand for the magnet, (2, 2); they give the inertial force and
-            moment on the magnet.
-        inertia
-            Derivative of an acceleration by the displacement at the end of the time step, in 1/s². It is 0 if inertia
-            is neglected.
-        rigid
-            The present translation and rotation of the magnet, (3,).
+        remembered: stress to add to that of ``ev``. node_accelerations, point_accelerations: of the nodes, (N, 2), and
+        of two point masses that stand for the magnet, (2, 2). rigid: motion of the magnet, (3,).
         """
         solid, masses = self._solid, self._inertia.of_elements
         e = len(solid.mesh.elements)
@@ -285,28 +262,12 @@ class Transient:
         accelerations: object,
         with_inertia: bool,
     ) -> None:
-        """Compute velocities, accelerations and stresses at the end of a time step, and store them as the present ones.
+        """Compute velocities, accelerations and stresses at the end of a time step, and store them.
 
-        Parameters
-        ----------
-        nodes, rigid
-            Displacements of the nodes, (N, 2), and of the magnet, (3,), at the end of the step.
-        batch, stiffness
-            The law with which the time step was solved: the instantaneous law, with its moduli multiplied by
-            ``stiffness``.
-        fading, share
-            Two factors for each of the m terms of the Prony series, (m,). The stress of a term is multiplied by
-            ``fading`` in the step, and ``share`` times the change of the elastic stress is added to it.
-        step_s
-            Length of the step in s.
-        gamma
-            Weight of the new acceleration in the mean of old and new acceleration, by which the velocity changes.
-        accelerations
-            Function that returns the new accelerations by the generalised-alpha method.
-        with_inertia
-            False: all velocities and accelerations are zero.
+        nodes, rigid: displacements of the nodes, (N, 2), and of the magnet, (3,).
         """
         old = self._state
+        # The moduli of ``batch`` are those of the instantaneous law multiplied by ``stiffness``.
         elastic = self._evaluated(batch, nodes[None]).S / stiffness
         change = elastic - old.elastic
         overstress = np.multiply.outer(fading, np.ones(1))[:, :, None, None, None] * old.overstress
@@ -324,7 +285,7 @@ class Transient:
         self.time_s += step_s
 
     def _with_tied(self, nodes: Array, rigid: Array) -> Array:
-        """Return the displacements of all N nodes; the nodes of the magnet move rigidly with it, (N, 2) in mm."""
+        """Return the displacements of all N nodes, with the magnet's nodes moved rigidly, (N, 2) in mm."""
         carried = nodes[None].copy()
         if self._solid.body:
             self._solid.body.carry(carried, rigid[None])
@@ -339,28 +300,23 @@ class Transient:
         return element.evaluate(self._solid.ops, batch, nodal, np.zeros((len(nodal), 1, 3)))
 
     def _point_arms(self, rigid: Array, derivative: int) -> Array:
-        """Return the vectors (x, y) from the magnet's reference point to two point masses, (2, 2) in mm.
+        """Return the vectors (x, y) from the magnet's reference point to two point masses in it, (2, 2) in mm.
 
-        Two equal point masses stand for the magnet: they have its mass, its centre of mass and its rotary inertia.
-        rigid: translation and rotation of the magnet, (3,). derivative: 0 for the vectors, 1 or 2 for their first or
-        second derivatives by the rotation.
+        rigid: motion of the magnet, (3,). derivative: order of the derivative by the rotation.
         """
         angle = rigid[2] + 0.5 * np.pi * derivative
         c, s = np.cos(angle), np.sin(angle)
         return self._arms @ np.array([[c, s], [-s, c]])
 
     def _point_displacements(self, rigid: Array) -> Array:
-        """Return the displacements (x, y) of two point masses that stand for the magnet, (2, 2) in mm.
-
-        rigid: translation (x, y) in mm and rotation in rad of the magnet, (3,).
-        """
+        """Return the displacements (x, y) of two point masses that stand for the magnet, (2, 2) in mm."""
         return np.asarray(rigid[:2] + self._point_arms(rigid, 0) - self._arms)
 
 
 def _force_of_stress(ops: element.Operators, F: Array, stress: Array) -> Array:
-    """Return the nodal forces (E, B, 2, 9) due to a second Piola-Kirchhoff stress (3, E, B, q).
+    """Return the nodal forces of E elements, (E, B, 2, 9), due to a stress at q Gauss points, (3, E, B, q).
 
-    There are E elements with q Gauss points each, and B candidate laws. F: deformation gradient (2, 2, E, B, q).
+    F: deformation gradient, (2, 2, E, B, q).
     """
     s11, s22, s12 = stress
     (f11, f12), (f21, f22) = F

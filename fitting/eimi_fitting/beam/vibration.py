@@ -1,13 +1,8 @@
-"""Small vibrations of a beam about a static equilibrium: matrices of the reduced motion, and complex frequencies.
+"""Small vibrations of a beam about a static equilibrium, as sums of a few shapes.
 
-A small motion u(t) = Re(v exp(s t)) about an equilibrium, with the mode v and the complex rate s, satisfies
-
-    (r(s) K_m + K_g + s² M) v = 0,        r(s) = mu*(s) / mu,
-
-with the shear modulus mu with which the equilibrium was computed and the complex modulus mu*(s) of the viscoelastic
-law. K_m is the part of the tangent stiffness that contains the tangent of the hyperelastic law. K_g is the part that
-contains stresses and loads (gravity, field). M is the mass matrix. The motion is reduced to a sum of a few shapes, the
-lowest undamped modes of each candidate law. The rates s can then be computed quickly for any function r(s).
+A vibration v exp(s t) with the shape v and the complex rate s satisfies (r(s) K_m + K_g + s² M) v = 0. K_m is the
+stiffness due to the tangent of the law, K_g the stiffness due to stresses and loads, M the mass matrix, and r the
+complex modulus divided by the static modulus.
 """
 
 from __future__ import annotations
@@ -47,15 +42,14 @@ class Vibration:
     model : BeamModel or SolidModel
         The model of the specimen.
     tip_mass_kg : float
-        A point mass at the point where a tip force acts, for example a weight that moves with the beam.
+        A point mass at the point where a tip force acts.
     hangs_along : ndarray, shape (2,), or None
-        Direction (unit vector) of a thread on which the point mass hangs. The mass then moves with the beam in this
-        direction only. None if the mass is fixed to the beam. A mass on the magnet always counts as fixed.
+        Direction (unit vector) of a thread on which the point mass hangs; None if it is fixed to the beam.
 
     Raises
     ------
     ValueError
-        The specimen has a face under pressure. A pressure that follows its face has no potential.
+        The specimen has a face under pressure.
     """
 
     def __init__(
@@ -69,6 +63,7 @@ class Vibration:
         self.model = model
         self.inertia = Inertia(model, tip_mass_kg)
         self._solid = model.solid
+        # A point mass on the magnet is part of the rigid body, and a thread has no effect on it.
         self._moves_along = np.eye(2) if hangs_along is None else np.outer(hangs_along, hangs_along)
 
     def about(
@@ -82,35 +77,25 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> tuple[ReducedMotion, Configuration]:
-        """Return the matrices of small motions of B candidate laws as sums of a few shapes, and the equilibria.
+        """Return the stiffness and mass matrices of m shapes of motion for B candidate laws, and the equilibria.
 
         Parameters
         ----------
         law : Law
             The hyperelastic law.
         parameters : ndarray, shape (B, n)
-            The n parameters of the law for each candidate; moduli in Pa.
+            The n parameters of each candidate; moduli in Pa.
         loads : Loads
             The loads in one load state.
         field_factor : ndarray, shape (B,), or None
-            Factor on the magnetic loads of each candidate.
+            Factor on the magnetic loads.
         basis : tuple of ndarray, or None
-            The m shapes whose sums describe the motion. The first array contains the displacements of the N nodes with
-            d coordinates in each shape, (m, N, d). The second array contains the translation and rotation of the magnet
-            in each shape, (m, 3). None: the shapes are the lowest undamped modes of each candidate, which ``shapes``
-            and ``stiffenings`` specify.
+            Displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3), in each shape. None: the lowest
+            undamped modes.
         shapes : int
-            Number of modes that are computed for each ratio in ``stiffenings``, if ``basis`` is None.
+            Number of modes for each ratio in ``stiffenings``.
         stiffenings : sequence of float
-            Ratios of the modulus in the vibration to the modulus of the equilibrium, if ``basis`` is None. The shapes
-            are the modes for all ratios together.
-
-        Returns
-        -------
-        motion : ReducedMotion
-            The matrices of the small motions.
-        equilibria : Configuration
-            The equilibria, one row for each candidate.
+            Ratios of the modulus in the vibration to the static modulus.
         """
         section = self.model.plane if isinstance(self.model, BeamModel) else "solid"
         chosen = candidates(law, parameters, section, None, field_factor)
@@ -128,13 +113,12 @@ class Vibration:
         shapes: int = 4,
         stiffenings: Sequence[float] = (1.0,),
     ) -> ReducedMotion:
-        """Return the matrices of small motions of B candidate laws about known equilibria, as sums of a few shapes.
+        """Return the stiffness and mass matrices of m shapes of motion about the equilibria ``now``.
 
-        chosen: the candidate laws. loads: the loads in one load state. now: the equilibria, one row for each candidate.
-        basis: displacements of the N nodes with d coordinates, (m, N, d), and motion of the magnet, (m, 3), in each of
-        m shapes; None: the lowest undamped modes. shapes: number of modes for each ratio in ``stiffenings``.
-        stiffenings: ratios of the modulus in the vibration to the static modulus.
+        basis: displacements of N nodes, (m, N, d), and motion of the magnet, (m, 3); None: the lowest undamped modes.
+        shapes: number of modes for each ratio in ``stiffenings``. stiffenings: modulus divided by the static modulus.
         """
+        # The shapes are the modes for all ratios in ``stiffenings`` together.
         b = len(now.rigid)
         batch, factor = chosen.take(np.arange(b))
         on_mesh = loads.on(self.model.loaded)(loads.state(0), factor)
@@ -170,22 +154,8 @@ class Vibration:
     ) -> tuple[Array, Array]:
         """Return the lowest m undamped modes of B candidate laws, scaled to unit mass, (m, B, n) and (m, B, 3).
 
-        The first result has the n unknowns of the nodes, the second the motion of the rigid body (the magnet).
-
-        Parameters
-        ----------
-        factored : FactoredSystem
-            The factorised linear system with the stiffness below.
-        stiffness : ndarray, shape (E, B, u, u)
-            The stiffness of E elements with u unknowns each, for one ratio of the modulus in the vibration to the
-            static modulus.
-        tie : ndarray, shape (Et, B, u, 3), or None
-            For the Et elements with nodes on the body: derivatives of their displacements by the motion of the body.
-            None without a body.
-        body_rest : ndarray, shape (B, 3, 3)
-            The stiffness of the body itself due to the loads on it.
-        now : Configuration
-            The equilibria.
+        The first result has n unknowns of the nodes, the second the motion of the magnet. stiffness: of E elements, (E,
+        B, u, u). tie: derivatives of Et elements' displacements by the motion of the magnet, (Et, B, u, 3).
         """
         b, places = len(now.rigid), self.model.mesh.nodes
         along = 2 * places[:, 0] / np.ptp(places[:, 0]) - 1
@@ -218,11 +188,10 @@ class Vibration:
         return free, rigid
 
     def _local(self, free: Array, rigid: Array, tie: Array | None) -> Array:
-        """Return the u displacements of each of E elements in each of m shapes, (m, E, B, u) in mm.
+        """Return the displacements of the nodes of each of E elements in m shapes, (m, E, B, u) in mm.
 
-        free: the n unknowns of the nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m,
-        B, 3). tie: for the Et elements with nodes on the magnet, the derivatives of their displacements by the motion
-        of the magnet, (Et, B, u, 3); None without a magnet.
+        free: n unknowns of the nodes, (m, B, n). rigid: motion of the magnet, (m, B, 3). tie: derivatives of Et
+        elements' displacements by it, (Et, B, u, 3).
         """
         solid = self._solid
         m, b = free.shape[:2]
@@ -249,10 +218,10 @@ class Vibration:
         return nodal
 
     def _mass(self, local: Array, free: Array, rigid: Array, now: Configuration) -> Array:
-        """Return the mass matrices of B candidate laws for motions that are sums of m shapes, (B, m, m).
+        """Return the mass matrices of m shapes for B candidate laws, (B, m, m).
 
-        local: the u displacements of each of E elements in each shape, (m, E, B, u). free: the n unknowns of the nodes,
-        (m, B, n). rigid: translation and rotation of the magnet, (m, B, 3). now: the equilibria.
+        local: displacements of E elements, (m, E, B, u). free: n unknowns of the nodes, (m, B, n). rigid: motion of the
+        magnet, (m, B, 3). now: the equilibria.
         """
         m, e, b, u = local.shape
         d = self._solid.dimensions
@@ -266,19 +235,16 @@ class Vibration:
         return np.asarray(mass)
 
     def _at_point(self, nodal: Array) -> Array:
-        """Return the displacement (x, y) of the point mass that hangs on the beam, in each of m shapes, (m, B, 2).
+        """Return the displacement (x, y) of the point mass in each of m shapes, (m, B, 2).
 
-        nodal: displacements of the N nodes with d coordinates in the shapes for B candidate laws, (m, B, N, d).
+        nodal: displacements of N nodes for B candidate laws, (m, B, N, d).
         """
         return np.einsum("mbni,n,ij->mbj", nodal[..., :2], self.inertia.point_shares, self._moves_along)
 
     def _times_mass(self, free: Array, rigid: Array, tie: Array | None, now: Configuration) -> tuple[Array, Array]:
-        """Return the products of the mass matrix and each of m shapes, (m, B, n) and (m, B, 3).
+        """Return the mass matrix times m shapes: n unknowns of the nodes, (m, B, n), and the magnet, (m, B, 3).
 
-        The first result belongs to the n unknowns of the nodes, the second to the magnet. free: the n unknowns of the
-        nodes in each shape, (m, B, n). rigid: translation and rotation of the magnet, (m, B, 3). tie: for the Et
-        elements with nodes on the magnet, the derivatives of their u displacements by the motion of the magnet, (Et, B,
-        u, 3); None without a magnet. now: the equilibria.
+        free, rigid: the shapes. tie: derivatives of Et elements' displacements by the magnet's motion, (Et, B, u, 3).
         """
         local = self._local(free, rigid, tie)
         m, e, b, u = local.shape
@@ -298,10 +264,7 @@ class Vibration:
 
 
 def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return the eigenvalues, (B, m), and eigenvectors, (B, m, m), of a stiffness and a mass matrix.
-
-    stiffness, mass: symmetric m x m matrices for each of B candidate laws, (B, m, m); the diagonal of ``mass`` is 1.
-    """
+    """Return the eigenvalues, (B, m), and eigenvectors, (B, m, m), of a stiffness and a mass matrix, (B, m, m)."""
     small = 1e-13 * np.eye(mass.shape[-1])
     factor = np.linalg.cholesky(mass + small)
     inverse = np.linalg.inv(factor)
@@ -310,10 +273,9 @@ def _symmetric_modes(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _quadratic(local: Array, matrices: Array) -> Array:
-    """Return the m x m matrix with the entries v_i^T A v_j, for B candidate laws, (B, m, m).
+    """Return the matrices of m shapes, (B, m, m), from the matrices of E elements, (E, B, u, u).
 
-    v_i are m shapes, and A is a matrix of the whole mesh. matrices: the matrices of E elements with u unknowns each,
-    whose sum is A, (E, B, u, u). local: the displacements of the elements in each shape, (m, E, B, u).
+    local: the displacements of the elements in each shape, (m, E, B, u).
     """
     turned = np.ascontiguousarray(local.transpose(1, 2, 0, 3))  # (E, B, m, u)
     return np.asarray(np.matmul(np.matmul(turned, matrices), turned.swapaxes(-1, -2)).sum(axis=0))
@@ -327,13 +289,11 @@ def _tangents(
     Returns
     -------
     material, rest : ndarray, shapes (E, B, u, u)
-        The stiffness due to the tangent of the law, and the stiffness due to stresses and loads, for E elements with u
-        displacements each and B candidate laws.
+        The stiffness due to the tangent of the law, and that due to stresses and loads, for E elements.
     tie : ndarray, shape (Et, B, u, 3), or None
-        For the Et elements with nodes on the magnet: derivatives of their displacements by the motion of the magnet.
-        None without a magnet.
+        Derivatives of the displacements of Et elements by the motion of the magnet.
     body_rest : ndarray, shape (B, 3, 3)
-        The stiffness of the magnet itself due to the loads on it.
+        The stiffness of the magnet due to the loads on it.
     """
     kind, ops = solid.kind, solid.ops
     b, e = len(now.rigid), len(solid.mesh.elements)

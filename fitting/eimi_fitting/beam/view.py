@@ -14,8 +14,6 @@ Array = NDArray[np.float64]
 class View:
     """The view of a camera whose lens is in front of the plane of the beam.
 
-    The axis of the lens is normal to this plane unless ``tilt_deg`` is given.
-
     Attributes
     ----------
     centre_mm : ndarray, shape (2,)
@@ -25,9 +23,8 @@ class View:
     tilt_deg : tuple of float
         Angles by which the plane of the beam is tilted toward the camera, in the direction of +x and of +y.
     ruler_mm : ndarray, shape (2, 2), optional
-        Two points (x, y) at mid-depth. With a tilt, the image is scaled and rotated so that the vector between these
-        two points appears in its real length and direction. If ``ruler_mm`` is not given, lengths appear in their real
-        size where the axis of the lens meets mid-depth.
+        Two points (x, y) at mid-depth. The image is scaled and rotated so that the vector between them appears in its
+        real length and direction.
 
     Examples
     --------
@@ -45,10 +42,9 @@ class View:
     ruler_mm: Array | None = None
 
     def seen(self, places_mm: Array) -> Array:
-        """Return where points of the beam appear in the image, as positions (x, y) in mm, (..., 2).
+        """Return the positions of points in the image, (..., 2) in mm from the clamp.
 
-        The clamp, at the origin, always appears at the origin. places_mm: coordinates (x, y, z) of the points in mm,
-        (..., 3); z points away from the camera, with z = 0 at mid-depth.
+        places_mm: coordinates (x, y, z) in mm, (..., 3); z points away from the camera, with z = 0 at mid-depth.
         """
         if not any(self.tilt_deg):
             scale = self.stand_off_mm / (self.stand_off_mm + places_mm[..., 2:])
