@@ -1,12 +1,8 @@
-"""Compute the optimum of a fit of a hyperelastic law, starting from the result of the global search.
+"""Compute the optimum of a fit and its intervals, starting from the result of the global search.
 
-1. Gauss-Newton improves the values of the unknowns (`inference.searching.polish`).
-2. The residuals are corrected by beam models that are more accurate than the model of the search: three-dimensional
-   models, or planar models with finer meshes (`inference.evidence.corrections`). Gauss-Newton is then repeated.
-3. The intervals are computed (`inference.interval`).
-
-The weight of tensile curves and priors depends on the noise of the measured edges, which is estimated at the optimum.
-Gauss-Newton is therefore also repeated if this estimate has changed.
+1. Gauss-Newton improves the values of the unknowns.
+2. Three-dimensional models, or planar models with finer meshes, correct the residuals. Gauss-Newton is repeated.
+3. The intervals are computed.
 """
 
 from __future__ import annotations
@@ -53,27 +49,26 @@ _LOOSE = 1e-2  # share of the objective at which a polish stops before the corre
 
 @dataclass(frozen=True)
 class SearchEnd:
-    """The optimum of a fit, corrected by more accurate beam models, and the intervals of the unknowns.
+    """The optimum of a fit, and the intervals of its unknowns.
 
     Parameters
     ----------
     problem : Problem
-        The law, the unknowns and the measurements, with the corrections of the residuals.
+        The fit, with the corrections of the residuals.
     optimum : Optimum
-        The values of the unknowns at the optimum.
+        The optimum of the unknowns.
     effects : tuple of Effect
-        For each correction, how it changed the values at the optimum.
+        Change of the optimum by each correction.
     max_stretch : float
-        Largest stretch of the beam at the optimum, computed with planar models.
+        Largest stretch of the beam.
     polish : Polish
-        The first run of Gauss-Newton: its steps, and the objective before and after it.
+        The first run of Gauss-Newton.
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        For each prior on a parameter, the difference between the value that all other data give and the mean of the
-        prior, in standard deviations.
+        Distance of each prior's mean from the value of all other data, in standard deviations.
     not_considered : tuple of str
-        One sentence for each uncertain input whose effect the intervals do not contain.
+        One sentence for each uncertain input that the intervals do not contain.
     """
 
     problem: Problem
@@ -87,21 +82,10 @@ class SearchEnd:
 
 
 def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
-    """Compute the optimum of a fit and the intervals of its unknowns, starting from the result of the global search.
+    """Compute the optimum of a fit and its intervals, starting from the result of the global search.
 
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    unit : ndarray, shape (n,)
-        Start values of the n unknowns, scaled so that the bounds of the search are 0 and 1.
-    seed : int
-        Seed of the random draws for the intervals.
-
-    Returns
-    -------
-    SearchEnd
-        The optimum with the intervals.
+    unit: the n unknowns at the start, (n,), from 0 to 1 between their bounds. seed: for the random draws of the
+    intervals.
     """
     names = [refinement.name for refinement in refinements(problem.experiments)]
     if SOLID in refinements(problem.experiments):
@@ -130,10 +114,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return values of the n unknowns, (n,), near ``unit`` for which the beam has a stable equilibrium.
-
-    If no such values are found, the result is ``unit``.
-    """
+    """Return a point near ``unit``, (n,), at which the beam has a stable equilibrium, or ``unit`` if none is found."""
     # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
     # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)
@@ -148,11 +129,7 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit by Gauss-Newton, starting from the values ``unit`` of the n unknowns, (n,).
-
-    start: an evaluation at ``unit``, if it is known. enough: the run ends when a step lowers the objective by less than
-    this fraction.
-    """
+    """Return the optimum of a fit, found by Gauss-Newton from the point ``unit``, (n,)."""
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
     # The weight of curves and priors depends on the number of independent points, which follows from the residuals at
@@ -173,15 +150,9 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Correct the residuals of a fit with a coarse mesh by two successively finer meshes, and fit again after each.
-
-    Returns
-    -------
-    tuple
-        The corrected fit, its optimum, the change of the optimum by the finest mesh, and the largest stretch of the
-        beam, (1,). The tuple of changes is empty if the beam has no equilibrium on a finer mesh.
-    """
+    """Fit with two successively finer meshes; return fit, optimum, changes, and the largest stretch, (1,)."""
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
+    # A beam without an equilibrium on a finer mesh is not corrected.
     if plain.unconverged[0]:
         return coarse, optimum, (), plain.max_stretch
     first, reached = _with_residuals_of(plain, coarse, optimum)
@@ -197,7 +168,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Replace the residuals of a fit by those of a more accurate beam model; return the changed fit and its optimum."""
+    """Replace the residuals of a fit by those in ``better``; return the fit and its optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -205,21 +176,13 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals by three-dimensional models of the beam, and fit again.
-
-    Beams in plane stress or plane strain need no three-dimensional model; their residuals are corrected by a finer
-    mesh.
-
-    Returns
-    -------
-    tuple
-        The corrected fit, its optimum, and the change of the optimum by each correction.
-    """
+    """Correct the residuals by three-dimensional models; return the fit, its optimum, and the changes."""
     # The solid comes first. The optimum of the planar model alone compensates for the depth by a wrong law, and the
     # finer mesh may find no equilibrium for such a law.
     plain = problem.experiments
     problem, optimum, effects = _with_depth(problem, optimum)
     unit = optimum.unit
+    # Beams in plane stress or plane strain are corrected by a finer mesh.
     mesh = _change(problem, FINER_MESH, plain, unit) if FINER_MESH in refinements(plain) else None
     if mesh is not None:
         problem, optimum = _with_change(replace(problem, experiments=mesh.added(problem.experiments)), problem, optimum)
@@ -228,14 +191,7 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals of the planar model by a three-dimensional model, and fit again, up to three times.
-
-    Returns
-    -------
-    tuple
-        The corrected fit, its optimum, and a list with the change of the optimum. The list is empty if the
-        three-dimensional model has no equilibrium.
-    """
+    """Correct the residuals by a three-dimensional model, up to three times; return fit, optimum and changes."""
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):
@@ -251,6 +207,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
         corrected, optimum, solid = trial, reached, further
         if abs(moved) < _STAYS_PERCENT:
             break
+    # The three-dimensional model has no equilibrium.
     if solid is None:
         return problem, optimum, []
     whole = optimum.unit - first
@@ -261,10 +218,7 @@ def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem
 
 
 def _with_change(changed: Problem, now: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation]]:
-    """Fit again with the corrected residuals of ``changed``, and return ``changed`` and its optimum.
-
-    now, optimum: the fit without this correction, and its optimum.
-    """
+    """Fit with the corrected residuals of ``changed``; return ``changed`` and its optimum."""
     start = changed.recorrected(optimum.evaluation, now), optimum.distance
     return changed, _polished(changed, optimum.unit, start)
 
@@ -284,7 +238,7 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Simulate the beam for one set of values of the n unknowns, (n,), and compare it with the measurements."""
+    """Simulate the beam at the point ``unit``, (n,), and compare it with the measurements."""
     # Other rounding errors, as in a simulation of several sets, would disturb the small differences between two beam
     # models.
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -37,14 +37,13 @@ class IdentifiedLaw(Estimate):
     doubts : tuple of Doubt
         Reasons to distrust the result.
     causes : tuple of Cause
-        Possible causes of the residuals, such as an error of the width, the most probable first; empty in result files
-        of earlier releases.
+        Possible causes of the residuals, such as an error of the width, the most probable first.
     evaluations, discarded, stop, runs, history
         History of the search, see `SearchResult`.
     generations : int
         Number of generations of the search.
     polish : Polish
-        The first run of Gauss-Newton after the search: its steps, and the objective before and after it.
+        The first run of Gauss-Newton after the search.
     seed : int
         Seed of the search and of the random draws for the intervals.
     wall_s : float
@@ -56,6 +55,7 @@ class IdentifiedLaw(Estimate):
     max_stretch: float
     priors: tuple[Prior, ...] = ()
     doubts: tuple[Doubt, ...]
+    # Result files of earlier releases have no causes.
     causes: tuple[Cause, ...] = ()
     evaluations: int
     generations: int

@@ -1,12 +1,8 @@
 """Identify the parameters of a hyperelastic law for which simulated edges of a beam lie closest to measured edges.
 
-The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571):
-
-1. CMA-ES searches on a coarse mesh (`inference.searching`).
-2. Gauss-Newton improves the result of the search (`inference.searching.polish`).
-3. The residuals are corrected by more accurate beam models, and Gauss-Newton is repeated
-   (`inference.corrected_optimum`).
-4. The intervals are computed from the residuals and their derivatives at the optimum (`inference.interval`).
+CMA-ES searches on a coarse mesh, and Gauss-Newton improves the result. Three-dimensional models or finer meshes correct
+the residuals, and Gauss-Newton is repeated. The intervals follow from the residuals and their derivatives at the
+optimum. The method follows Di Lecce et al. 2022 (Front. Robot. AI 8:790571).
 """
 
 from __future__ import annotations
@@ -90,8 +86,7 @@ def identify(
     experiments : sequence of Experiment
         The experiments, fitted together.
     free : sequence of NuisancePrior
-        Uncertain inputs that the fit determines together with the law, with their priors. If the field was measured in
-        both polarities, the fit determines further inputs.
+        Uncertain inputs that the fit determines together with the law, with their priors.
     free_bulk : bool
         Whether the fit also determines the bulk modulus.
     tensile : sequence of TensileCurve
@@ -99,11 +94,10 @@ def identify(
     priors : sequence of Prior
         Priors on the law's parameters.
     seed, population, most_generations, restarts, bipop, replay, progress
-        Options of the search, see `inference.searching.search.search`. The random draws for the intervals use the same
-        seed.
+        Options of the search, see `inference.searching.search.search`.
     possible_causes : sequence of PossibleCause
-        Possible errors of the experiment, such as a tilted camera, that are compared with the residuals. If the
-        sequence is empty, the fit reports no cause of the residuals, and takes half of the time or less.
+        Possible errors of the experiment, such as a tilted camera, that are compared with the residuals. Without them,
+        the fit reports no cause of the residuals, and takes half of the time or less.
 
     Returns
     -------
@@ -154,6 +148,7 @@ def identify(
     stated = _problem(model, experiments, free, free_bulk, tensile, priors)
     coarse = replace(stated, experiments=coarsened(stated.experiments))
     guessed_points = _INDEPENDENT_PER_STATE * sum(len(experiment.loads) for experiment in experiments)
+    # A tensile curve in a wrong unit would give a range without the modulus of the beam.
     beam_alone = replace(coarse, curves=(), priors=())
     scan = narrowed(beam_alone, scanned(beam_alone, guessed_points), guessed_points)
     slips = doubtful_loads(beam_alone, scan, guessed_points)
@@ -249,6 +244,7 @@ def _problem(
                 f"the section is {', '.join(others)}"
             )
         space = space.with_bulk()
+    # States in a field of both polarities determine more inputs.
     freed = (*free, *freed_by_polarities(experiments, free))
     return Problem(
         law,
@@ -260,7 +256,7 @@ def _problem(
 
 
 def _search(coarse: Problem, independent_points: float, **options: Any) -> SearchResult:
-    """Search for the optimum on a coarse mesh; raise NothingConverged if no parameters give a beam in equilibrium."""
+    """Search on a coarse mesh; raise NothingConverged if no parameters give a beam in equilibrium."""
     result = search(
         lambda units: coarse.evaluate(units, independent_points),
         coarse.unknowns.searched,

@@ -1,13 +1,7 @@
 """The signals of a recorded beam motion: cleaned of gaps and outliers, and reduced to a few independent signals.
 
-Each coordinate of each recorded point of the beam is a channel. A linear vibration has few degrees of freedom. The
-channels of one recording are therefore linear combinations of a few signals. Gaps are filled with these combinations
-(Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
-
-A rolling shutter reads the rows of a frame one after another. A point is therefore recorded a little before or after
-the time of its frame. A constant delay only changes the phase of the channel, which is fitted anyway. If a point moves
-across the rows, its delay changes. The change of the delay times the velocity of the point is then subtracted from the
-recorded position.
+A channel is one coordinate of one recorded point. The channels are linear combinations of a few signals, which also
+fill the gaps (Beckers and Rixen 2003, J. Atmos. Oceanic Technol. 20:1839).
 """
 
 from __future__ import annotations
@@ -34,16 +28,14 @@ class TooFewFrames(Exception):
 
 @dataclass(frozen=True)
 class Signals:
-    """The cleaned channels of a recorded motion, with n frames, c channels and r independent signals.
-
-    A channel is one coordinate of one recorded point.
+    """The cleaned channels of a recorded motion (coordinates of points), in n frames.
 
     Attributes
     ----------
     time_s : ndarray, shape (n,)
         Times of the frames.
     channels_mm : ndarray, shape (n, c)
-        Coordinate of a point in each channel, minus the median over the frames.
+        Each of c channels, minus its median.
     sigma_mm : ndarray, shape (c,)
         Standard deviation of the noise of each channel.
     points : ndarray of int, shape (c,)
@@ -51,12 +43,11 @@ class Signals:
     axis : ndarray of int, shape (c,)
         Coordinate of each channel: 0 for x, 1 for y.
     reduced : ndarray, shape (n, r)
-        The independent signals; the standard deviation of their noise is about 1.
+        The r independent signals, with noise of about unit variance.
     patterns : ndarray, shape (r, c)
-        The matrix product of ``reduced`` and ``patterns`` is ``channels_mm`` divided by ``sigma_mm``, without the mean
-        over the frames of the recording and without most of the noise.
+        Each channel, divided by its noise, as a combination of the signals.
     filled : float
-        Fraction of the entries of ``channels_mm`` that were missing or outliers, and were replaced.
+        Fraction of the coordinates that were missing or outliers.
     """
 
     time_s: Array
@@ -77,24 +68,14 @@ class Signals:
         )  # fmt: skip
 
     def in_mm(self, reduced: Array) -> Array:
-        """Convert r reduced signals, (..., r), to the displacements in c channels, (..., c) in mm.
-
-        A channel is one coordinate of one point, and a linear combination of the r signals.
-        """
+        """Convert r signals, (..., r), to the displacements in c channels (coordinates of points), (..., c) in mm."""
         return np.asarray(reduced @ self.patterns * self.sigma_mm)
 
 
 def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
-    """Return the signals of a recorded motion: the coordinates of its points over time, without gaps and outliers.
+    """Return the signals of a recorded motion, without gaps and outliers.
 
-    Only points that are visible in at least 40 % of the frames are used.
-
-    Parameters
-    ----------
-    motion : Motion
-        The recorded motion.
-    after_s : float
-        Frames before this time are not used.
+    Frames with times before ``after_s`` are not used.
 
     Raises
     ------
@@ -127,6 +108,8 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
     values = values - np.nanmedian(values, axis=0)
     filled, missing = _filled(values / of_channel)
     late_of_channel = np.repeat(np.where(np.isfinite(late), late, 0.0), 2, axis=1)
+    # A rolling shutter reads the rows of a frame one after another. A constant delay of a channel only changes its
+    # phase. If the delay changes, the position is wrong by the change times the velocity.
     if np.any(late_of_channel):
         rate = np.gradient(filled, time, axis=0)
         filled = filled - rate * late_of_channel
@@ -144,10 +127,7 @@ def signals_of(motion: Motion, after_s: float = -np.inf) -> Signals:
 
 
 def _frame_times(motion: Motion) -> Array:
-    """Return the time of each of n frames, (n,) in s; NaN for a frame without a time of any point.
-
-    The time of a frame is the mean time of its points, after the median delay of each point has been subtracted.
-    """
+    """Return the time of each of n frames, (n,) in s; NaN for a frame without a time of any point."""
     times = np.where(np.isfinite(motion.time_s), motion.time_s, np.nan)
     if not times.size:
         return np.zeros(len(times))
@@ -156,16 +136,14 @@ def _frame_times(motion: Motion) -> Array:
     if not some.any():
         return middle
     middle[some] = np.nanmedian(times[some], axis=1)
+    # The time of a frame is the mean over its points, without the median delay of each point.
     lag = np.nanmedian(times[some] - middle[some, None], axis=0)
     middle[some] = np.nanmean(times[some] - lag, axis=1)
     return middle
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Fill the gaps and replace the outliers of c channels; return the channels, (n, c), and what was replaced, (n, c).
-
-    A channel is one coordinate of one point in n frames, with NaN where the point was not visible.
-    """
+    """Fill the gaps (NaN) and replace the outliers of c channels, (n, c); return what was replaced, too, (n, c)."""
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()
@@ -207,13 +185,11 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _reduced(values: Array) -> tuple[Array, Array]:
-    """Reduce c coordinates of points to a few (r) signals; return the signals, (n, r), and the patterns, (r, c).
-
-    The matrix product of signals and patterns is nearly ``values``, (n, c), without the mean over the n frames.
-    """
+    """Reduce c channels to r signals; return the signals, (n, r), and their patterns in the channels, (r, c)."""
     level = values.mean(axis=0)
     _, s, v = np.linalg.svd(values - level, full_matrices=False)
     noise = np.sqrt(len(values))  # singular value of white noise of unit variance, nearly
     rank = int(np.clip(np.sum(s > 3 * noise), 1, _MOST_SIGNALS))
     patterns = v[:rank]
+    # The product of signals and patterns is nearly ``values`` without the mean.
     return (values - level) @ patterns.T, patterns

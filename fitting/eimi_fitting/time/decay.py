@@ -1,8 +1,6 @@
-"""Frequencies and loss factors of the vibrations in a ring-down.
+"""Frequencies and loss factors of the vibrations in a ring-down (a free vibration).
 
-The first step is to find the part of a recording in which the beam vibrates freely at small amplitudes. Damped
-vibrations are then fitted to this part (`time.modal_fit`). Frequency and loss factor are also fitted in shorter time
-windows.
+Damped vibrations are fitted to the part of a recording in which the beam vibrates freely at small amplitudes.
 """
 
 from __future__ import annotations
@@ -34,16 +32,16 @@ _RUN, _SPARSE = 11, 3.0  # frame gaps in a run; a run is sparse if its median ga
 
 @dataclass(frozen=True)
 class RingMode:
-    """One damped vibration exp(s t) with s = -delta + i omega, decay rate delta and angular frequency omega.
+    """One damped vibration exp(s t), s = -delta + i omega, with the decay rate delta and the angular frequency omega.
 
     Attributes
     ----------
     frequency_Hz : float
         omega / (2 pi).
     loss : float
-        2 delta / omega, the loss factor of the decay.
+        Loss factor 2 delta / omega.
     covariance : ndarray, shape (2, 2)
-        Covariance matrix of ln(frequency) and the loss factor, in this order.
+        Covariance of ln(frequency) and loss factor.
     """
 
     frequency_Hz: float
@@ -64,29 +62,27 @@ class Decay:
     Attributes
     ----------
     label : str
-        Where the recording comes from, for messages.
+        Where the recording comes from.
     modes : tuple of RingMode
         The vibrations at small amplitudes, the dominant vibration first.
     windows : tuple of Window
-        Frequency and loss factor in shorter parts of the recording (time windows).
+        Frequency and loss factor in parts of the recording.
     from_s, to_s : float
-        Start and end of the part of the recording that was fitted.
+        Start and end of the fitted part.
     amplitude_mm : float
-        Amplitude at the time ``from_s``, in the channel with the largest amplitude. A channel is one coordinate of one
-        point.
+        Amplitude at ``from_s``, where the beam moves most.
     frequency_change, loss_change : float
-        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``; 0 if
-        the changes are not significant.
-    time_s, displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
-        Times of the n frames of the fitted part. For the channel with the largest amplitude: displacement without the
-        baseline (the slow motion), envelope, and fitted vibrations.
+        Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
+    time_s : ndarray, shape (n,)
+        Times of the frames of the fitted part.
+    displacement_mm, envelope_mm, modelled_mm : ndarray, shape (n,)
+        Measured vibration, amplitude, and fitted vibrations, where the beam moves most.
     noise : float
-        Standard deviation of the residuals near the frequency of the dominant vibration, divided by the standard
-        deviation of the noise that the recording states.
+        Standard deviation of the residuals near the dominant frequency, divided by that of the noise of the recording.
     doubts : tuple of str
-        Reasons to distrust the result, as texts; empty if there is none.
+        Reasons to distrust the result.
     baseline_mm : ndarray, shape (n, c)
-        The displacements in all c channels in n frames, without the fitted vibrations.
+        The c coordinates of points without the fitted vibrations.
     """
 
     label: str
@@ -118,14 +114,13 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
     signals : Signals
         The signals of the recording.
     label : str
-        Where the recording comes from, for messages.
+        Where the recording comes from.
     length_mm : float
-        Length of the beam. Amplitudes above 5 % of the length are not used.
+        Length of the beam.
     is_stepped : bool
-        Whether the motion begins with a known step of the load at the time 0. Otherwise the ring-down is assumed to
-        begin at the largest amplitude.
+        Whether the motion begins with a step of the load at the time 0.
     hangs : bool
-        Whether a weight hangs from the beam. The weight can swing like a pendulum below the tip.
+        Whether a weight hangs from the beam.
 
     Raises
     ------
@@ -173,12 +168,7 @@ def decay_of(signals: Signals, label: str, length_mm: float, *, is_stepped: bool
 
 
 def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tuple[Window, ...], slice]:
-    """Fit damped vibrations to the frames ``part`` of a ring-down, in which the beam vibrates freely.
-
-    Return the fit, the frequency and loss factor in time windows (shorter parts of the recording), and the slice of the
-    windows in which the vibration is not disturbed. frequency: frequency of the largest vibration in Hz; hangs: whether
-    a weight hangs from the beam.
-    """
+    """Fit damped vibrations to ``part``; return the fit, its time windows, and the slice of the undisturbed windows."""
     fitted = ModalFit.first_of(part, frequency)
     part = _without_end(part, fitted)
     fitted = ModalFit.of(part, fitted.modes, False)
@@ -200,10 +190,7 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
 
 
 def _swing_in_words(swinging: ModalFit, label: str) -> str:
-    """Return a warning that the hanging weight swings in a ring-down (a free vibration).
-
-    swinging: the fit of two vibrations to the motion; label: where the recording comes from.
-    """
+    """Return a warning that the hanging weight swings in a ring-down (a free vibration)."""
     first_Hz, other_Hz = np.exp(swinging.modes[:, 0]) / (2 * np.pi)
     return (
         f"{label}: the beam vibrates at {first_Hz:.4g} and at {other_Hz:.4g} Hz, as when the hanging weight swings "
@@ -213,11 +200,7 @@ def _swing_in_words(swinging: ModalFit, label: str) -> str:
 
 
 def _change_in_words(windows: tuple[Window, ...], used: slice, label: str, hangs: bool) -> str:
-    """Return a warning that only a part of a ring-down (a free vibration) is used, because the vibration changes.
-
-    windows: frequency and loss factor in parts of the recording; used: the slice of the windows that are used; label:
-    where the recording comes from; hangs: whether a weight hangs from the beam.
-    """
+    """Return a warning that only a part of a ring-down (a free vibration) is used, because the vibration changes."""
     first, last = windows[used.start], windows[used.stop - 1]
     if hangs:
         return (
@@ -245,13 +228,7 @@ def _dense(signals: Signals) -> Signals:
 
 
 def _first_frequency(signals: Signals, label: str) -> float:
-    """Return the frequency in Hz of the largest peak in the spectrum of the signals.
-
-    Raises
-    ------
-    NoVibration
-        The recording is too short, or no peak stands out from the noise.
-    """
+    """Return the frequency in Hz of the largest peak in the spectrum; raise NoVibration without a clear peak."""
     uniform, values = _uniform(signals)
     step = uniform[1] - uniform[0]
     span = uniform[-1] - uniform[0]
@@ -281,16 +258,13 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _lasting(values: Array, size: int) -> Array:
-    """Return, for each frequency of a spectrum, 1 if the power there hardly decreases during the recording, else 0.
-
-    Power that does not decrease comes from a motor or a lamp, not from a free vibration. values: r signals in n frames,
-    (n, r); size: the number of values for the Fourier transform.
-    """
+    """Return 1 for each frequency at which the power of r signals, (n, r), hardly decreases in time, else 0."""
     half = len(values) // 2
     taper = np.hanning(half)[:, None]
     early, late = (
         (np.abs(np.fft.rfft(part * taper, size, axis=0)) ** 2).sum(axis=1) for part in (values[:half], values[-half:])
     )
+    # Power that does not decrease comes from a motor or a lamp, not from a free vibration.
     return np.where(late > _LASTING * early, 1.0, 0.0)
 
 
@@ -303,10 +277,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times in s, (n,), and the amplitude of a vibration at these times, (n,) in mm, where the beam moves most.
-
-    frequency: the frequency of the vibration in Hz.
-    """
+    """Return times in s, and the amplitudes in mm of a vibration at these times, (n,) each, where the beam moves most."""
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T
     n = len(uniform)
@@ -322,13 +293,10 @@ def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
 def _segment(
     signals: Signals, frequency: float, length_mm: float, label: str, is_stepped: bool
 ) -> tuple[float, float, list[str]]:
-    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the other frames.
-
-    frequency: frequency of the vibration in Hz; length_mm: length of the beam; label: where the recording comes from;
-    is_stepped: whether a change of the load starts the vibration.
-    """
+    """Return start and end in s of the part of a ring-down that is fitted, and warnings about the remaining frames."""
     time, size = _envelope(signals, frequency)
     doubts: list[str] = []
+    # Without a step of the load, the ring-down is assumed to begin at the largest amplitude.
     start = 0 if is_stepped else int(np.argmax(size))
     falling = np.minimum.accumulate(size[start:])
     floor = np.quantile(size, 0.05)
@@ -362,11 +330,7 @@ def _segment(
 
 
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
-    """Return whether the amplitude rises so fast that something has pushed the beam.
-
-    size: the amplitude in n frames, (n,); at: index of a frame in which the amplitude rises; period: duration of a
-    period in frames.
-    """
+    """Return whether the amplitude ``size``, (n,), rises so fast at the frame ``at`` that something pushed the beam."""
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
     low = np.flatnonzero(size[:peak] < size[peak] / 3)
     return bool(len(low)) and peak - int(low[-1]) <= 1.5 * period

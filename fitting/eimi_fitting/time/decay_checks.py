@@ -1,8 +1,4 @@
-"""Checks of a ring-down: whether fitted vibrations describe the motion, and which frames at its start are disturbed.
-
-The hand that flicks a beam may touch it again after the release. A weak clamp, a lost point and a moving support also
-cause motions that are not damped vibrations of the beam.
-"""
+"""Checks of a ring-down: whether fitted vibrations describe the motion, and which frames at its start are disturbed."""
 
 from __future__ import annotations
 
@@ -13,6 +9,8 @@ from eimi_fitting.time.modal_fit import ModalFit, design_matrix, exponent
 
 Array = NDArray[np.float64]
 
+# The hand that flicks a beam may touch it again after the release. A weak clamp, a lost point and a moving support also
+# cause motions that are no damped vibrations.
 _SPOILT = 0.06  # share of the amplitude: a larger residual at the start is no free vibration
 _OVER_LATER = 4.0  # such a residual is also this many times that of the later frames
 _MOST_SPOILT = 0.4  # share of the frames that are left out at the start, at most
@@ -25,10 +23,7 @@ _FIRST_OVERTONE = 2.5  # no second mode of a beam has a frequency below this man
 
 
 def spoilt_until_s(fitted: ModalFit) -> float | None:
-    """Return the time in s at which a disturbed start of a ring-down ends; None without a disturbance.
-
-    At a disturbed start, for example, a hand still touches the beam.
-    """
+    """Return the time in s at which a disturbed start of a ring-down ends; None without a disturbance."""
     time = fitted.signals.time_s
     period = 1 / fitted.frequency_Hz
     window = max(3, round(period * (len(time) - 1) / (time[-1] - time[0])))
@@ -58,18 +53,12 @@ def unexplained_share(fitted: ModalFit) -> float:
 
 
 def is_better(later: ModalFit, whole: ModalFit) -> bool:
-    """Return whether a fit of damped vibrations describes its frames much better than a fit to more frames does.
-
-    later: the fit to the frames after a disturbed start; whole: the fit to all frames.
-    """
+    """Return whether the fit ``later``, without a disturbed start, describes its frames much better than ``whole``."""
     return unexplained_share(later) < _BETTER * unexplained_share(whole)
 
 
 def refusal_of(fitted: ModalFit, label: str) -> str | None:
-    """Return the reason why fitted vibrations must not be used, as text; None if they may be used.
-
-    label: where the recording comes from.
-    """
+    """Return the reason why fitted vibrations must not be used, as text; None if they may be used."""
     share = unexplained_share(fitted)
     if share < _REFUSED or fitted.noise < OVER_NOISE:
         return None
@@ -80,10 +69,7 @@ def refusal_of(fitted: ModalFit, label: str) -> str | None:
 
 
 def doubts_of(fitted: ModalFit, label: str, hangs: bool = False) -> list[str]:
-    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames.
-
-    label: where the recording comes from; hangs: whether a weight hangs from the beam.
-    """
+    """Return the warnings about a fit: unexplained motion, vibrations of almost equal frequency, too few frames."""
     doubts = []
     share, signals = unexplained_share(fitted), fitted.signals
     if share > _DOUBTED and fitted.noise > OVER_NOISE:

@@ -1,7 +1,4 @@
-"""Frequency and loss factor of a ring-down in time windows, to see whether both change with the amplitude.
-
-A ring-down is a free vibration that decays.
-"""
+"""Frequency and loss factor of a ring-down (a free vibration) in time windows."""
 
 from __future__ import annotations
 
@@ -32,14 +29,13 @@ class Window:
     Attributes
     ----------
     from_s, to_s : float
-        Start and end of the window.
+        Start and end.
     amplitude_mm : float
-        Amplitude at the middle of the window, in the channel with the largest amplitude. A channel is one coordinate of
-        one point.
+        Amplitude at the middle, where the beam moves most.
     frequency_Hz, loss : float
         Frequency and loss factor.
     frequency_sigma_Hz, loss_sigma : float
-        Standard uncertainties of frequency and loss factor due to noise.
+        Their standard uncertainties due to noise.
     is_used : bool
         Whether the window is used to identify the material.
     """
@@ -102,19 +98,14 @@ def windows_of(fitted: ModalFit) -> tuple[Window, ...]:
 
 
 def material_windows(windows: tuple[Window, ...], hangs: bool) -> slice:
-    """Return the slice of the time windows (parts of a ring-down) that are used to identify the material.
-
-    The loss factor and the frequency hardly change between the windows of the slice. If several groups of windows have
-    this property, as when a hand touches the beam, the group with the smallest loss factor is used. If a weight hangs
-    from the beam (``hangs``), the windows before the loss factor rises are used, because the weight may swing
-    afterwards.
-    """
+    """Return the slice of the windows of a ring-down in which frequency and loss factor hardly change."""
     if len(windows) < 2:
         return slice(0, len(windows))
     starts = [0]
     for i, window in enumerate(windows[1:], 1):
         first = windows[starts[-1]]
         rise, sigma = window.loss - first.loss, np.hypot(window.loss_sigma, first.loss_sigma)
+        # A hanging weight may swing after the loss factor has risen.
         if hangs and rise > 0.2 * first.loss and rise > 3 * sigma:
             return slice(0, i)
         change = abs(window.frequency_Hz / first.frequency_Hz - 1)
@@ -138,12 +129,11 @@ def _largest_loss(windows: Sequence[Window]) -> float:
 
 
 def scatter_of(windows: tuple[Window, ...], used: int, mode: Array) -> Array:
-    """Return the errors of ln(frequency) and of the loss factor of a beam from which a swinging weight hangs, (2,).
+    """Return the errors of ln(frequency) and loss factor due to a swinging weight, (2,).
 
-    The weight exchanges energy with the beam, so that frequency and loss factor change during the recording. The errors
-    follow from these changes. windows: frequency and loss factor in parts of the recording; used: the number of windows
-    that were fitted, from the first on; mode: ln(angular frequency) and loss factor of the fit.
+    used: number of fitted windows. mode: ln(angular frequency) and loss factor of the fit, (2,).
     """
+    # The weight exchanges energy with the beam, so that frequency and loss factor change during the recording.
     values = np.array([[np.log(2 * np.pi * w.frequency_Hz), w.loss] for w in windows]).reshape(-1, 2)
     sigmas = np.array([[w.frequency_sigma_Hz / w.frequency_Hz, w.loss_sigma] for w in windows]).reshape(-1, 2)
     is_large = np.array([w.amplitude_mm > _SMALL * windows[0].amplitude_mm for w in windows], bool)[:used]

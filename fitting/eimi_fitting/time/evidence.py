@@ -1,9 +1,8 @@
 """The residuals of ring-downs (free vibrations) and of the sag at rest, to which a viscoelastic law is fitted.
 
-The sag is the bending of the beam under its own weight. A residual is the difference between a computed and a measured
-quantity, divided by its standard uncertainty. All residuals are computed for P candidate laws at once. A candidate is
-an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a factor on the magnetic loads. The module
-`time.slow_evidence` contains the residuals of creep and of other shapes at rest.
+The sag is the bending of the beam under its own weight. A residual is a computed minus a measured quantity, divided by
+its standard uncertainty. A candidate law is an instantaneous shear modulus (Pa), a Prony series, and the logarithm of a
+factor on the magnetic loads.
 """
 
 from __future__ import annotations
@@ -39,45 +38,40 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """Measurements to which a viscoelastic law is fitted, such as one ring-down (a free vibration).
-
-    They give k residuals.
-    """
+    """Measurements with k residuals, such as one ring-down (a free vibration), to which a viscoelastic law is fitted."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals (computed minus measured quantities) of P candidate laws, (P, k).
+        """Return the k residuals of P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty. instantaneous_Pa: instantaneous shear modulus of each law, (P,).
-        series: Prony series of each law. load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
+        instantaneous_Pa: instantaneous shear moduli, (P,). load_log: logarithms of the factors on the magnetic loads,
+        (P,).
         """
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
+        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
 
-        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes; only a vector, such as a background field, has several components.
+        sources: the standard uncertainties of the inputs, by which they change.
         """
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """The measured frequencies and loss factors of one ring-down, which a viscoelastic law must explain.
+    """The measured frequencies and loss factors of one ring-down, to which a viscoelastic law is fitted.
 
     Attributes
     ----------
     table : RingTable
-        The frequencies of the specimen, computed for many laws.
+        Computed frequencies of the specimen.
     decay : Decay
         The measured vibrations.
     modes : tuple of (int, RingMode)
-        For each measured mode its index, counted from 0 for the lowest frequency, and its frequency and loss factor.
+        Index (0 for the lowest) and values of each measured mode.
     inflation : float
-        Factor on the standard uncertainties, computed from the scatter of repeated ring-downs.
+        Factor on the standard uncertainties.
     repeats : int
-        Number of ring-downs under the same loads. An error of ``table`` is the same in all of them.
+        Number of ring-downs under these loads.
     age_s : float
-        Time in s from the last change of the load to the vibrations. The beam has crept for this time under constant
-        loads.
+        Time from the last change of the load to the vibrations.
     """
 
     table: RingTable
@@ -85,14 +79,14 @@ class RingEvidence:
     modes: tuple[tuple[int, RingMode], ...]
     inflation: float = 1.0
     repeats: int = 1
+    # The beam has crept for this time under constant loads.
     age_s: float = AT_REST_S
 
     @staticmethod
     def of(table: RingTable, decay: Decay, is_stepped: bool = False) -> RingEvidence:
         """Match the measured vibrations of a ring-down to computed modes, and return them as data for a fit.
 
-        table: the computed frequencies of the specimen. decay: the measured vibrations. is_stepped: whether the
-        ring-down begins with a known change of the load.
+        is_stepped: whether a change of the load starts the ring-down.
         """
         modes = [(0, decay.modes[0])]
         age_s = AT_REST_S
@@ -113,11 +107,7 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the deviations of computed from measured ln(frequency) and loss factor for P candidate laws, (P, k).
-
-        There are two deviations for each mode, divided by their standard uncertainties. load_log: for each law, the
-        logarithm of a factor on the magnetic loads.
-        """
+        """Return the residuals of ln(frequency) and loss factor of all modes for P candidate laws, (P, k)."""
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -139,12 +129,10 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
-        """Convert errors of ln(frequency) and loss factor of one mode to independent numbers of variance 1, (..., 2).
-
-        number: the index of the mode, counted from 0; mode: the measured vibration; gaps: the errors, (..., 2).
-        """
+        """Convert errors of ln(frequency) and loss factor of a mode to independent numbers of variance 1, (..., 2)."""
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         # Common errors do not average out: each ring-down gets a share of the weight of one.
+        # All ring-downs under equal loads have the error of one table.
         of_table = self.repeats * np.square([errors[0], errors[1] * mode.loss])
         covariance = self.inflation**2 * mode.covariance + np.diag(of_table)
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])
@@ -155,10 +143,9 @@ class RingEvidence:
         return float(np.hypot(MESH_ERROR, 0.5 * self.table.fixed_weight_log))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
+        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
 
-        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes; only a vector, such as a background field, has several components.
+        sources: the standard uncertainties of the inputs, by which they change.
         """
         return {
             key: np.concatenate(
@@ -179,13 +166,13 @@ class Sag:
     Attributes
     ----------
     computed_mm : float
-        The largest sag of a point in mm, computed with the shear modulus that gives about the measured frequency of
-        vibration.
+        Largest computed sag of a point.
     measured : float
-        The measured sag, as a multiple of this computed sag (by least squares over the points).
-    moduli_Pa, ratios : ndarray, shape (m,)
-        Several shear moduli, and the sag that is computed with each of them, as a multiple of the sag of
-        ``computed_mm``.
+        The measured sag, divided by the computed sag.
+    moduli_Pa : ndarray, shape (m,)
+        Shear moduli.
+    ratios : ndarray, shape (m,)
+        The sag with each modulus, divided by the computed sag.
     """
 
     computed_mm: float
@@ -197,7 +184,7 @@ class Sag:
     def of(table: RingTable, motion: Motion, decay: Decay) -> Sag | None:
         """Return the measured and the computed sag (bending under its own weight) of the beam in a recorded ring-down.
 
-        None if too few points are visible, or if the computed beam does not bend under its weight.
+        The result is None if too few points are visible, or if the computed beam does not bend.
         """
         late = (motion.time_s >= decay.from_s) & motion.seen
         count = late.sum(axis=0)
@@ -215,6 +202,7 @@ class Sag:
         sag = (model.positions(shapes, rest)[:, 0] - rest)[sound, :, 1]
         if not len(sag):
             return None
+        # The computed sag is that with about the modulus of the measured frequency.
         middle = sag[np.argmin(np.abs(moduli[sound] - table.middle_Pa))]
         size = float(middle @ middle)
         if not size:
@@ -222,10 +210,7 @@ class Sag:
         return Sag(float(np.abs(middle).max()), float(moved @ middle / size), moduli[sound], sag @ middle / size)
 
     def doubts(self, decay: Decay, length_mm: float) -> tuple[str, ...]:
-        """Return a warning if the measured sag (bending under the weight) contradicts the measured vibration.
-
-        decay: the measured vibration; length_mm: length of the beam.
-        """
+        """Return a warning if the measured sag (bending under the weight) contradicts the measured vibration."""
         bent = _BENT_BEAM * length_mm / self.computed_mm
         if 1 - bent < self.measured < _SOFTER_AT_REST + bent:
             return ()
@@ -239,15 +224,14 @@ class Sag:
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """The shear modulus for which the beam at rest bends as far under its own weight (sag) as was measured.
+    """The shear modulus of the beam at rest, from its sag (its bending under its own weight).
 
     Attributes
     ----------
     modulus_Pa : float
-        The shear modulus. It is computed with a planar (two-dimensional) model of the beam. For a solid section, it is
-        converted to the modulus with which the three-dimensional model bends as far as the planar model.
+        The shear modulus.
     sigma : float
-        Relative standard uncertainty of the modulus.
+        Its relative standard uncertainty.
     """
 
     modulus_Pa: float
@@ -255,12 +239,8 @@ class RestEvidence:
 
     @staticmethod
     def of(sag: Sag, table: RingTable) -> RestEvidence | None:
-        """Return the shear modulus for which the computed sag of the beam equals the measured sag, or None.
-
-        The sag is the bending of the beam under its own weight. sag: the measured sag, and the sag computed for several
-        moduli; table: the computed vibrations of the same specimen. The result is None if the beam hardly bends, or if
-        the measured sag is not between the computed ones.
-        """
+        """Return the shear modulus for which the computed sag of the beam equals the measured sag, or None."""
+        # A small sag, or one outside the computed range, gives no modulus.
         if sag.computed_mm < _LEAST_SAG * table.beam.specimen.length_mm:
             return None
         along = sag.ratios
@@ -272,27 +252,23 @@ class RestEvidence:
         slope = np.abs(np.gradient(logs, along[order]))
         at = float(np.interp(sag.measured, along[order], slope))
         straight = _REST_SHAPE * table.beam.specimen.length_mm / sag.computed_mm
+        # The sag is computed with the planar model.
         modulus = float(np.exp(log_modulus)) / table.planar_over_solid_modulus
         return RestEvidence(modulus, float(np.hypot(_SAG_ERROR, at * straight)))
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the deviation of ln(modulus at rest) from its measured value for P candidate laws, (P, 1).
-
-        It is divided by its standard uncertainty. ``load_log`` is not used.
-        """
+        """Return the residual of ln(modulus at rest) for P candidate laws, (P, 1)."""
         at_rest = instantaneous_Pa * series.ratio(np.array([AT_REST_S]))[:, 0]
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros for each uncertain input, such as a width, because its effect on the residual is neglected."""
+        """Return zeros for each uncertain input, such as a width."""
+        # The effect on the residual is neglected.
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter of repeated ring-downs.
-
-    Repeated ring-downs are those under the same loads.
-    """
+    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter under equal loads."""
     widened = []
     for ring in rings:
         alike = [other for other in rings if other.table is ring.table]

@@ -1,7 +1,7 @@
 """The amplitudes of a beam's vibration, corrected for the exposure time of the frames.
 
-A frame with the exposure time T shows the mean position of the beam during T. The amplitude of a vibration of frequency
-f appears smaller by the factor sin(pi f T) / (pi f T). The exposure does not change the frequency and the loss factor.
+A frame with the exposure time T shows the mean position during T. The amplitude of a vibration of frequency f appears
+smaller by the factor sin(pi f T) / (pi f T).
 """
 
 from __future__ import annotations
@@ -16,17 +16,7 @@ _LEAST = 0.3  # exposures near a whole period leave almost no amplitude, and are
 
 
 def without_blur(decay: Decay, exposure_s: float | None) -> Decay:
-    """Return fitted vibrations with the amplitudes of the beam, which are larger than the amplitudes in the frames.
-
-    A frame shows the mean position during its exposure, which makes an amplitude smaller.
-
-    Parameters
-    ----------
-    decay : Decay
-        The vibrations, fitted to the frames.
-    exposure_s : float or None
-        Exposure time of a frame; None if it is not known. The vibrations are then returned unchanged.
-    """
+    """Return fitted vibrations with amplitudes that are corrected for the exposure time of the frames."""
     shown = float(np.sinc(decay.modes[0].frequency_Hz * (exposure_s or 0.0)))
     if not _LEAST < shown < 1:
         return decay

@@ -63,10 +63,9 @@ class RecordedMotion:
     motion : Motion
         The measured positions of points over time.
     loads : Loads
-        The loads after the step of the load (one load case).
+        The loads after the step of the load.
     before : tuple of (float, Loads)
-        The loads before the step, in the order of time. Each pair has the time in s at which a load began, relative to
-        the step, and this load (one load case).
+        Earlier loads, each with the time in s at which it began, relative to the step.
     """
 
     motion: Motion
@@ -86,10 +85,9 @@ class StaticRun:
     Attributes
     ----------
     loads : Loads
-        The loads of K states, in the order in which they were set.
+        The loads of K states.
     set_s, seen_s : ndarray, shape (K,)
-        Time at which each load was set, and time at which the edges in each state were measured. Each run has its own
-        clock.
+        Times at which each load was set, and at which the edges were measured.
     """
 
     loads: Loads
@@ -108,10 +106,9 @@ class StaticStates:
     modulus_Pa : float
         Initial shear modulus of the elastic fit.
     sigma : float
-        Relative standard uncertainty of the modulus due to noise and mesh.
+        Its relative standard uncertainty due to noise and mesh.
     of_picture : mapping of str to float
-        Relative change of the modulus if an uncertain input changes by its standard uncertainty, by the name of the
-        input. The inputs are those that change the picture of the beam but not its shape, such as the scale.
+        Its relative change by errors of the picture, such as the scale.
     """
 
     runs: tuple[StaticRun, ...]
@@ -143,16 +140,15 @@ def identify_time(
     specimen : Specimen
         The specimen of all motions.
     motions : sequence of RecordedMotion
-        The motions. At least one of them must show a decaying vibration.
+        The motions.
     stated : sequence of StatedSource
         Uncertain inputs, such as the width, with their standard uncertainties.
     static : StaticStates, optional
-        Shapes of the same specimen at rest under constant loads.
+        Shapes of the specimen at rest under constant loads.
     seed : int
         Seed of the random numbers.
     free_times : bool
-        Whether to fit the relaxation times. Otherwise the relaxation times are fixed, at equal distances on a
-        logarithmic scale over the range of times that the data cover.
+        Whether to fit the relaxation times. Otherwise they are fixed, at equal distances on a logarithmic scale.
     most_terms : int
         Largest number of terms of the Prony series.
 
@@ -243,10 +239,7 @@ def identify_time(
 
 
 def _doubts_of_section(table: RingTable) -> list[str]:
-    """Return a warning if a three-dimensional model gives another modulus than the planar section of the specimen file.
-
-    The result is empty if the moduli differ by less than 2 %.
-    """
+    """Return a warning if a three-dimensional model gives another modulus than the section of the specimen file."""
     try:
         change = table.solid_over_stated_modulus() - 1
     except NoEquilibrium:
@@ -261,7 +254,7 @@ def _doubts_of_section(table: RingTable) -> list[str]:
 
 
 def _same(one: Loads, other: Loads) -> bool:
-    """Return whether the field and the force at the tip are the same in two loads; gravity is not compared."""
+    """Return whether the field and the force at the tip of two loads are equal; gravity is not compared."""
     return bool(np.allclose(one.field_T, other.field_T) and np.allclose(one.tip_force_N, other.tip_force_N))
 
 
@@ -294,10 +287,7 @@ def _analysed(
 
 
 def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], beam: RingingBeam) -> RingTable:
-    """Return the table of the beam's frequencies for the loads and the hanging weight of a recorded motion.
-
-    If ``tables`` does not contain this table, it is computed and appended to ``tables``.
-    """
+    """Return the computed frequencies for the loads and the hanging weight of a recorded motion."""
     for table in tables:
         if _same(table.beam.loads, recorded.loads) and table.beam.hanging_N == recorded.motion.hanging_N:
             return table
@@ -305,6 +295,7 @@ def _table_for(recorded: RecordedMotion, decay: Decay, tables: list[RingTable], 
     table = RingTable(beam, middle)
     # The solid has a higher frequency than the planar model: the middle modulus is corrected for it.
     corrected = beam.modulus_at(decay.modes[0].frequency_Hz / float(table.solid_over_planar[0]))
+    # The frequencies are stored for motions under equal loads.
     tables.append(RingTable(beam, corrected) if abs(np.log(corrected / middle)) > 0.3 else table)
     return tables[-1]
 
@@ -316,11 +307,7 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the measured rotations of the tip over time (creep) for recordings with a step of the load, at most six.
-
-    analysed: the recordings with their vibrations. law, shape: the hyperelastic law and its parameters. middle_Pa: a
-    typical shear modulus of the specimen.
-    """
+    """Return the measured rotations of the tip (creep) in at most six recordings with a step of the load."""
     evidence = []
     for recorded, decay in analysed:
         if not recorded.is_stepped:
@@ -347,13 +334,10 @@ def _creeps(
 def _at_rest(
     ringing: Sequence[tuple[RecordedMotion, Decay]], table: RingTable, rings: Sequence[RingEvidence]
 ) -> tuple[RestEvidence | None, tuple[str, ...]]:
-    """Return the modulus from the sag of the beam at rest, or None, and warnings if it contradicts the vibration.
-
-    The sag is the bending of the beam under its own weight. Only ring-downs whose computed vibrations are ``table`` are
-    used.
-    """
+    """Return the modulus from the sag of the beam (bending under the own weight) or None, and warnings."""
     for (recorded, _), ring in zip(ringing, rings, strict=True):
         if ring.table is table and not recorded.is_stepped:
+            # A ring-down under these loads, without a step, shows the sag.
             sag = Sag.of(table, recorded.motion, ring.decay)
             of_sag = sag.doubts(ring.decay, table.beam.specimen.length_mm) if sag else ()
             return RestEvidence.of(sag, table) if sag else None, of_sag
@@ -361,7 +345,7 @@ def _at_rest(
 
 
 def _stacked(parts: Sequence[Loads]) -> Loads:
-    """Join several `Loads` into one `Loads` with the states of all of them."""
+    """Join several `Loads` into one `Loads` with all states."""
     return replace(
         parts[0],
         field_T=np.concatenate([part.field_T for part in parts]),

@@ -1,14 +1,11 @@
 """The fit of the viscoelastic (Prony) law of a material to all data together.
 
-CMA-ES searches the unknowns of `time.terms` (moduli and relaxation times) and the logarithm of a factor on the magnetic
-loads. A least-squares fit starts at the result of the search. All errors and priors are taken as normal. With the
-residuals r(x) of the unknowns x, the maximum of the posterior is the minimum of
+A least-squares fit starts at the result of a search by CMA-ES. With the residuals r(x) of the unknowns x, and the prior
+means and standard deviations, it minimises
 
-    chi² = |r(x)|² + sum ((x - mean) / sigma)²,
+    chi² = |r(x)|² + sum ((x - mean) / sigma)².
 
-where mean and sigma are the means and standard deviations of the prior. The marginal likelihood Z, the probability
-density of the data for a given number of terms of the Prony series, is computed by Laplace's approximation (MacKay
-2003, Information Theory, chapter 27, where Z is called evidence),
+Laplace's approximation of the marginal likelihood Z (MacKay 2003, Information Theory, chapter 27) is
 
     ln Z = -chi²/2 + ln det(posterior covariance)/2 - ln det(prior covariance)/2.
 
@@ -57,8 +54,7 @@ LOAD_SOURCES = (*_OF_MOMENT, "coil")
 def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> dict[str, float] | None:
     """Return the relative standard uncertainty of the magnetic loads due to each uncertain input that scales them.
 
-    The result is None without a magnet, or if the uncertainty of its moment is not known. stated: the uncertain inputs,
-    with their standard uncertainties.
+    The result is None without a magnet, or without an uncertainty of its moment.
     """
     magnet = specimen.magnet
     if magnet is None or not any(source.source in _OF_MOMENT for source in stated):
@@ -71,18 +67,16 @@ def relative_load_sigmas(stated: Sequence[StatedSource], specimen: Specimen) -> 
 
 @dataclass(frozen=True)
 class Problem:
-    """The fit of a viscoelastic law, with a given number of terms of the Prony series, to the data.
-
-    The data are ring-downs (free vibrations), recordings of creep, and static states.
+    """The fit of a viscoelastic law to ring-downs (free vibrations), creep and static states.
 
     Attributes
     ----------
     terms : Terms
         The unknowns of the law, with their priors.
     evidence : tuple of Evidence
-        The data: the ring-downs, the recordings of creep and the static states.
+        The data.
     load_sigma : float
-        Prior standard deviation of the logarithm of the factor on the magnetic loads.
+        Prior standard deviation of ln(factor on the magnetic loads).
     """
 
     terms: Terms
@@ -91,7 +85,7 @@ class Problem:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the m unknowns of the law, (m,); the last one is ln(factor on the magnetic loads)."""
+        """The prior means of the m unknowns, (m,); the last one is ln(factor on the magnetic loads)."""
         return np.append(self.terms.mean, 0.0)
 
     @property
@@ -100,36 +94,26 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the data (vibrations, creep and static states) for P candidate laws, (P, k).
-
-        unknowns: the m unknowns of each candidate, (P, m).
-        """
+        """Return the k residuals of the data for the m unknowns of P candidate laws, (P, m), as an array (P, k)."""
         instantaneous, series = self.terms.split(unknowns[:, :-1])
         with np.errstate(all="ignore"):
             rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return all residuals of the fit for P candidate laws, (P, k + m): k of the data, then m of the priors.
-
-        unknowns: the m unknowns of each candidate, (P, m).
-        """
+        """Return k residuals of the data and m of the priors for P candidate laws, (P, k + m)."""
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
+        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
 
-        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes; only a vector, such as a background field, has several components.
+        sources: the standard uncertainties of the inputs, by which they change.
         """
         parts = [one.effects(sources) for one in self.evidence]
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidate laws, (P,).
-
-        unknowns: the m unknowns of each candidate, (P, m).
-        """
+        """Return the root of the sum of the squared residuals for P candidate laws, (P,)."""
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
         return np.where(np.isfinite(total), total, np.inf)
@@ -137,11 +121,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class _Values:
-    """The objectives of P candidate laws in one generation of the search, (P,).
-
-    ``objective_mm`` is the root of the sum of the squared residuals, which here has no unit. ``unconverged`` is true
-    for a law without finite residuals, and ``unstable`` is always false.
-    """
+    """The roots of the sums of the squared residuals of P candidate laws, in the form that `search` needs."""
 
     objective_mm: Array
     unconverged: NDArray[np.bool_]
@@ -150,22 +130,22 @@ class _Values:
 
 @dataclass(frozen=True)
 class TimeOptimum:
-    """The optimum of the fit of a viscoelastic law, with a given number of terms of the Prony series.
+    """The optimum of the fit of a viscoelastic law.
 
     Attributes
     ----------
     problem : Problem
-        The fit, with its data and unknowns.
+        The fit.
     unknowns : ndarray, shape (m,)
-        The m unknowns at the optimum: those of the law, then the logarithm of the factor on the magnetic loads.
+        The m unknowns at the optimum.
     jacobian : ndarray, shape (k + m, m)
-        Derivatives of the k residuals of the data, then of the m residuals of the priors, by the unknowns.
+        Derivatives of k residuals of the data and m of the priors.
     chi2 : float
-        Sum of the squared residuals of the data, without the priors.
+        Sum of the squared residuals of the data.
     log_evidence : float
-        Logarithm ln Z of the marginal likelihood Z (the probability density of the data for this number of terms).
+        Logarithm of the marginal likelihood.
     evaluations : int
-        Number of laws for which the residuals were computed.
+        Number of laws that were computed.
     converged : bool
         Whether the least-squares fit converged.
     """
@@ -184,23 +164,20 @@ class TimeOptimum:
         return np.asarray(np.linalg.inv(self.jacobian.T @ self.jacobian))
 
     def steps(self, effects: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the changes of the m unknowns at the optimum if one uncertain input changes by its uncertainty.
+        """Return the changes of the m unknowns at the optimum by each uncertain input, (components, m).
 
-        effects: for each input that changes, the changes of the k residuals of the data, (components, k). The result
-        has an array (components, m) for each input; only a vector, such as a background field, has several components.
+        effects: the changes of the k residuals by each uncertain input, (components, k).
         """
         gain = -self.covariance @ self.jacobian[: len(self.jacobian) - len(self.unknowns)].T
         return {key: rows @ gain.T for key, rows in effects.items()}
 
     def load_step(self, sigma: float) -> Array:
-        """Return the change of the m unknowns at the optimum if the magnetic loads have an error, (m,).
-
-        sigma: the error, by which the prior mean of ln(factor on the magnetic loads) increases.
-        """
+        """Return the change of the m unknowns by a relative error ``sigma`` of the magnetic loads, (m,)."""
+        # The error shifts the prior mean of ln(factor on the magnetic loads), the last unknown.
         return np.asarray(self.covariance @ self.jacobian.T[:, -1] * sigma / self.problem.load_sigma)
 
     def with_free_load(self) -> TimeOptimum:
-        """Return the optimum of the same fit with almost no prior knowledge of the magnetic moment."""
+        """Return the optimum of the fit with almost no prior knowledge of the magnetic moment."""
         problem = replace(self.problem, load_sigma=FREE_LOAD)
         unknowns, jacobian, evaluations, converged = _polished(problem, self.unknowns)
         chi2 = float((problem.rows(unknowns[None]) ** 2).sum())
@@ -210,11 +187,9 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of the fit of a viscoelastic law: the best result of least-squares fits from several starts.
-
-    fewer: the optimum with one term fewer in the Prony series, from which some of the fits start.
-    """
+    """Return the optimum of the fit of a viscoelastic law: the best of least-squares fits from several starts."""
     starts, evaluations = [problem.mean], 0
+    # Some of the fits start from the optimum with one term fewer.
     if fewer is not None:
         n = problem.terms.count
         for time in problem.terms.mean[1 + n :]:
@@ -229,6 +204,7 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
     def objective(units: Array) -> _Values:
         chi = problem.chi(low + 2 * reach * units)
         failed = ~np.isfinite(chi)
+        # Here the objective has no unit.
         return _Values(np.where(failed, DISCARDED_MM, chi), failed, np.zeros(len(chi), bool))
 
     result = search(
@@ -248,11 +224,7 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit the law by least squares from the values ``start`` of the m unknowns.
-
-    Return the unknowns, (m,), the derivatives of all k + m residuals by the unknowns, (k + m, m), the number of laws
-    that were computed, and whether the fit converged.
-    """
+    """Fit by least squares; return the m unknowns, the derivatives, the number of laws, and whether it converged."""
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
     last: tuple[Array, Array] = (np.full(m, np.nan), np.zeros((0, m)))
@@ -278,11 +250,8 @@ def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
 
 
 def best_number_of_terms(problems: Sequence[Problem], seed: int = 1) -> tuple[TimeOptimum, tuple[TimeOptimum, ...]]:
-    """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed.
-
-    The chosen number is the smallest one that explains the data about as well as any other. The problems have an
-    increasing number of terms.
-    """
+    """Return the optimum with the chosen number of terms of the Prony series, and all optima that were computed."""
+    # The problems have an increasing number of terms.
     optima: list[TimeOptimum] = []
     for problem in problems:
         optima.append(optimum_of(problem, seed, optima[-1] if optima else None))
@@ -298,12 +267,7 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return f quantities of each of P laws, (P, f), from which the residuals are approximated by a linear function.
-
-    The approximation makes random draws of the unknowns fast. The quantities are moduli and loss factors at the angular
-    frequencies ``omegas`` (rad/s), moduli at fixed times, and the factor on the magnetic loads, all but the loss
-    factors as logarithms. unknowns: the m unknowns of each law, (P, m).
-    """
+    """Return moduli, loss factors and load factors of P laws, (P, f), as which the residuals change almost linearly."""
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)
@@ -321,19 +285,8 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
     """Return D random draws of the m unknowns from their posterior distribution, (D, m).
 
-    Parameters
-    ----------
-    optimum : TimeOptimum
-        The optimum of the fit.
-    steps : mapping of str to ndarray
-        For each uncertain input, the change of the m unknowns at the optimum if the input changes by its standard
-        uncertainty, (components, m).
-    seed : int
-        Seed of the random numbers.
-    omegas : ndarray
-        Angular frequencies of the ring-downs (free vibrations) in rad/s.
-    of_sources : bool
-        Whether the draws contain the errors of the uncertain inputs.
+    steps: the changes of the unknowns by each uncertain input, (components, m). of_sources: whether the draws contain
+    these changes.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)
@@ -343,6 +296,7 @@ def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: A
     moved = at + _STEP * np.concatenate([np.eye(m), -np.eye(m)])
     ends = _features(problem.terms, moved, omegas)
     slopes = ((ends[:m] - ends[m:]) / (2 * _STEP)).T
+    # The residuals are approximated by a linear function of the features, which makes the draws fast.
     rows_by_features = optimum.jacobian[: len(rows_at)] @ np.linalg.pinv(slopes, rcond=1e-6)
 
     def log_density(x: Array) -> Array:

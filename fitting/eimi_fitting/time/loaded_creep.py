@@ -1,16 +1,9 @@
 """Creep of a loaded beam: the rotation of the tip while the modulus relaxes.
 
-The rotation theta of the tip represents the curvature of the whole beam. At each time, two moments are in equilibrium.
-Both are divided by a constant in m³ that depends on the dimensions of the beam, so that their unit is Pa rad and not
-N m.
-
-- The moment of the material is the integral of mu(t - t') d theta(t'), with the relaxing shear modulus mu(t).
-- The moment of the loads is a function m(theta). It is computed from static solutions with several moduli: with a
-  modulus mu the tip rotates by theta(mu), and in equilibrium m = mu theta(mu). Without a field, gravity acts like a
-  spring: m = -k theta with a constant k in Pa.
-
-The method assumes that the curvature keeps its distribution along the beam and changes only by a factor. The error of
-this assumption is measured in `tests/fitting/time` by comparison with finite elements with internal variables.
+The rotation theta of the tip represents the curvature of the whole beam, which is assumed to keep its distribution.
+With the relaxing shear modulus mu(t), the integral of mu(t - t') d theta(t') equals m(theta), the moment of the loads.
+Moments are divided by a constant of the beam in m³; their unit is Pa rad. Static solutions with several moduli mu give
+points of the function m(theta), because m = mu theta in equilibrium.
 """
 
 from __future__ import annotations
@@ -27,6 +20,7 @@ from eimi_fitting.laws.prony import Prony
 
 Array = NDArray[np.float64]
 
+# The error of the constant distribution is measured in `tests/fitting/time` by finite elements with internal variables.
 _FIRST_STEP_S = 2e-3  # length of the first time step after a change of the load
 _STEPS_PER_DECADE = 8  # after the last change of the load
 _EARLIER_STEPS_PER_DECADE = 4
@@ -36,20 +30,16 @@ _NODES = 65  # of a curve
 
 @dataclass(frozen=True)
 class LoadCurve:
-    """The moment of the loads on a beam as a function of the rotation theta of the tip.
-
-    Moments are divided by a constant of the beam in m³, so that their unit is Pa rad: an elastic beam with the shear
-    modulus mu resists a rotation theta with the moment mu theta.
+    """The moment of the loads on a beam as a function of the rotation of the tip.
 
     Attributes
     ----------
     rotation : ndarray, shape (m,)
-        Rotations theta in rad, increasing.
+        Increasing rotations in rad.
     moment : ndarray, shape (m,)
-        The moment of the loads at each rotation in Pa rad.
+        Moment at each rotation, divided by a constant of the beam, in Pa rad.
     of_field : ndarray, shape (m,)
-        The part of ``moment`` that the magnetic field causes, and that is proportional to the field. The remaining part
-        is due to gravity and forces.
+        Part of ``moment`` that is proportional to the magnetic field.
     """
 
     rotation: Array
@@ -60,41 +50,32 @@ class LoadCurve:
     def through(nominal: tuple[Array, Array], stronger: tuple[Array, Array], factor: float) -> LoadCurve:
         """Return the moment of the loads as a function of the rotation of the tip, interpolated between points.
 
-        nominal: the rotations in rad and the moments in Pa rad of the points. stronger: rotations and moments in a
-        field that is ``factor`` times as strong; the difference shows which part of the moment the field causes.
-        Moments are divided by a constant of the beam in m³.
+        nominal: rotations in rad and moments in Pa rad. stronger: those in a field that is ``factor`` times as strong.
         """
         spline = _spline(*nominal)
         even = np.linspace(nominal[0].min(), nominal[0].max(), _NODES)
         moment = spline(even)
         if len(stronger[0]) < 2:
             return LoadCurve(even, moment, moment)
+        # The difference shows which part of the moment is due to the field.
         more, of_more = stronger
         return LoadCurve(even, moment, _spline(more, (of_more - spline(more)) / (factor - 1))(even))
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity as a function of the rotation of the tip, for a beam without a magnetic field.
-
-        Gravity acts like a spring: the moment is -``stiffness_Pa`` times the rotation in rad.
-        """
+        """Return the moment of gravity as a function of the rotation of the tip, without a magnetic field."""
+        # Gravity acts like a spring.
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
 
     def at(self, rotation: Array) -> tuple[Array, Array]:
-        """Return the moment (Pa rad) and its derivative by the rotation (Pa) at P rotations of the tip, (P,) each.
-
-        The moment is that of the loads, divided by a constant of the beam in m³.
-        """
+        """Return the scaled moment of the loads (Pa rad) and its derivative (Pa) at P rotations, (P,) each."""
         x, y, slopes = self.rotation, self.moment, self._slopes
         i = np.searchsorted(x[1:-1], rotation)
         return y[i] + slopes[i] * (rotation - x[i]), slopes[i]
 
     def at_even_rotations(self) -> LoadCurve:
-        """Return the curve with the moment of the loads interpolated at equally spaced rotations of the tip.
-
-        With equal spacing, the interval of a rotation is computed without a search.
-        """
+        """Return the moment of the loads, interpolated at equally spaced rotations of the tip."""
         even = np.linspace(self.rotation[0], self.rotation[-1], _NODES)
         return LoadCurve(even, self.at(even)[0], np.interp(even, self.rotation, self.of_field))
 
@@ -117,9 +98,9 @@ class LoadStep:
     Attributes
     ----------
     time_s : float
-        Time in s at which the loads begin.
+        Time at which the loads begin.
     curve : LoadCurve
-        The moment of the loads as a function of the rotation of the tip.
+        Their moment as a function of the rotation of the tip.
     """
 
     time_s: float
@@ -135,23 +116,8 @@ def creep(
 ) -> Array:
     """Return the rotation of the tip of a creeping beam at m times for P candidate laws, (P, m) in rad.
 
-    Parameters
-    ----------
-    instantaneous_Pa : ndarray, shape (P,)
-        Instantaneous shear modulus of each candidate.
-    series : Prony
-        A Prony series with n terms for each candidate, (P, n).
-    steps : tuple of LoadStep
-        The loads in the order of time. The beam is at rest before the first loads.
-    times_s : ndarray, shape (m,)
-        Increasing times in s after the first of ``steps``.
-    load_factor : ndarray, shape (P,)
-        Factor on the field, for each candidate.
-
-    Returns
-    -------
-    ndarray, shape (P, m)
-        The rotations in rad.
+    instantaneous_Pa: instantaneous shear moduli, (P,). times_s: increasing times, (m,). load_factor: factors on the
+    magnetic loads, (P,).
     """
     return CreepHistories([(steps, times_s)]).rotations(instantaneous_Pa, series, load_factor)[0]
 
@@ -162,11 +128,11 @@ class CreepHistories:
     Parameters
     ----------
     histories : sequence of (tuple of LoadStep, ndarray)
-        For each history, the loads in the order of time, and the increasing times in s at which the rotation is needed.
-        The times lie after the first of the loads. The beam is at rest before these loads.
+        For each history, the loads, and the increasing times at which the rotation is needed.
     """
 
     def __init__(self, histories: Sequence[tuple[tuple[LoadStep, ...], Array]]) -> None:
+        # The beam is at rest until the first load of a history, and all times lie after it.
         plans = [_plan(steps, times_s) for steps, times_s in histories]
         longest = max(len(plan.curves) for plan in plans)
         curves: list[LoadCurve] = []
@@ -186,6 +152,7 @@ class CreepHistories:
             spans.append(np.concatenate([np.ones(early), plan.spans_s]))
             self._wanted.append(early + plan.wanted)
         self._spans_s = np.array(spans).T[:, :, None]  # (time steps, E, 1)
+        # With equal spacing, the interval of a rotation is computed without a search.
         even = [curve.at_even_rotations() for curve in curves]
         starts = np.array([curve.rotation[0] for curve in even])
         per_rad = np.array([(len(curve.rotation) - 1) / np.ptp(curve.rotation) for curve in even])
@@ -201,8 +168,7 @@ class CreepHistories:
     def rotations(self, instantaneous_Pa: Array, series: Prony, load_factor: Array) -> list[Array]:
         """Return the rotations of the tip for P candidate laws at the m times of each history, (P, m) in rad.
 
-        instantaneous_Pa: instantaneous shear modulus of each law, (P,). series: a Prony series for each law.
-        load_factor: factor on the magnetic field for each law, (P,).
+        instantaneous_Pa: instantaneous shear moduli, (P,). load_factor: factors on the magnetic loads, (P,).
         """
         steps = len(self._spans_s)
         rates, terms = (1 / series.tau_s).T[:, None], (instantaneous_Pa[:, None] * series.g).T[:, None]
@@ -234,10 +200,9 @@ class CreepHistories:
 
 
 def _lines(rotations: Array, moments: Array) -> Array:
-    """Return slope and value at the rotation 0 of the straight lines that interpolate several load curves.
+    """Return slopes (Pa) and values at 0 (Pa rad) of the lines between the points of load curves, (2, curves * lines).
 
-    rotations, moments: the points of each curve, (curves, lines + 1), in rad and Pa rad. The result has slopes (Pa) in
-    its first row and values (Pa rad) in its second row, (2, curves * lines).
+    rotations, moments: the points in rad and Pa rad, (curves, lines + 1).
     """
     slopes = np.diff(moments, axis=1) / np.diff(rotations, axis=1)
     return np.stack([slopes.ravel(), (moments[:, :-1] - slopes * rotations[:, :-1]).ravel()])
@@ -245,16 +210,16 @@ def _lines(rotations: Array, moments: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The m time steps in which the creep of a beam under one history of loads is computed.
+    """The time steps in which the creep of a beam under one history of loads is computed.
 
     Attributes
     ----------
     spans_s : ndarray, shape (m,)
-        Duration of each step in s.
+        Duration of each step.
     curves : list of LoadCurve
-        For each step, the moment of the loads as a function of the rotation of the tip.
+        Moment of the loads in each step.
     wanted : ndarray of int
-        Indices of the steps at whose ends the rotation is needed.
+        Steps at whose ends the rotation is needed.
     """
 
     spans_s: Array
@@ -281,11 +246,7 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times in s at the ends of the integration steps between two changes of the load.
-
-    first, last: times of the two changes; wanted: times at which the rotation is needed; is_last: whether ``last`` is
-    the end of the recording.
-    """
+    """Return the times in s at the ends of the integration steps between two changes of the load."""
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
     regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)

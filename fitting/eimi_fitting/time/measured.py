@@ -1,4 +1,4 @@
-"""Measured motions of a beam: ring-downs (free vibrations) and creep, with a time for each point in each frame."""
+"""Measured motions of a beam: ring-downs (free vibrations) and creep."""
 
 from __future__ import annotations
 
@@ -22,32 +22,31 @@ class Motion:
     Parameters
     ----------
     kind : {"ring_down", "creep"}
-        Whether vibrations were recorded ("ring_down"), or the slow motion after a step of the load ("creep").
+        Vibrations ("ring_down"), or the slow motion after a step of the load ("creep").
     points_mm : ndarray, shape (n, p, 2)
-        Measured positions (x, y) of p points in n frames, in the beam frame; NaN where a point was not visible.
+        Positions (x, y) of p points in n frames, in the beam frame; NaN where a point was not visible.
     rest_mm : ndarray, shape (p, 2)
-        Positions (x, y) of the same material points in the undeformed beam.
+        Positions (x, y) of the points in the undeformed beam.
     time_s : ndarray, shape (n, p)
-        Time of each point in each frame. With a rolling shutter the points of a frame have different times.
+        Time of each point in each frame.
     sigma_mm : ndarray, shape (n, p)
-        Standard deviation of the white noise in x and in y of each point in each frame.
+        Standard deviation of the white noise in x and in y.
     exposure_s : float or None
         Exposure time of a frame; None if it is not known.
     from_A, to_A : float
-        Current of the coil in A before the step of the load and after it; both are 0 without a coil.
+        Current of the coil before and after the step of the load.
     step_uncertainty_s : float
         Standard uncertainty of the time of the step.
     history : tuple of (float, float)
-        Earlier currents of the coil: for each, the time in s at which it was set, relative to the step (negative), and
-        the current in A.
+        Earlier currents of the coil: time of the setting in s, and current in A.
     lost_frames : int
-        Number of frames that are missing in the recording.
+        Number of frames that are missing.
     tip_force_N : float
         Load along gravity that was taken away from the tip at the step.
     hanging_N : float
-        Weight that hangs at the tip during the motion. The mass of this weight moves with the tip.
+        Weight that hangs at the tip during the motion.
     label : str
-        Where the motion comes from, for messages.
+        Where the motion comes from.
 
     Raises
     ------
@@ -71,9 +70,11 @@ class Motion:
     time_s: Array
     sigma_mm: Array
     exposure_s: float | None = None
+    # Both currents are 0 without a coil.
     from_A: float = 0.0
     to_A: float = 0.0
     step_uncertainty_s: float = 0.0
+    # Times are relative to the step, and therefore negative.
     history: tuple[tuple[float, float], ...] = ()
     lost_frames: int = 0
     tip_force_N: float = 0.0

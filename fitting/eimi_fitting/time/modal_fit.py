@@ -1,23 +1,16 @@
 """Modal fit: damped vibrations of a beam, fitted to the signals of a ring-down.
 
-The measured coordinates of points are reduced to a few independent signals (`time.channels`). Each signal is a sum of
-damped vibrations and a slow baseline,
+Each signal is a sum of damped vibrations and a slow baseline,
 
     z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
 
-with the time t since the first frame and the complex amplitude a_k of mode k. With the angular frequency omega and the
-decay rate delta of the mode at small amplitudes, the exponent of the first mode is
+with the time t since the first frame, complex amplitudes a_k, and psi_k = (i omega - delta) t with the angular
+frequency omega and the decay rate delta of mode k. The first mode also changes with the square of its amplitude,
 
     psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
 
-The frequency and damping of the first mode change with the square of the amplitude. Geometric nonlinearity causes this
-change (Nayfeh and Mook 1979, Nonlinear Oscillations, section 2.3). At the first frame the frequency is higher by the
-fraction kappa_1 than at small amplitudes, and the loss factor 2 delta / omega is larger by 2 kappa_2. The other modes
-have kappa_1 = kappa_2 = 0. A nonlinear beam also vibrates at two and three times the frequency of the first mode. These
-harmonics are fitted too.
-
-The signals are linear functions of the amplitudes a_k and of the coefficients of the baseline. These unknowns are
-therefore eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
+Signals are linear in the a_k and the baseline, which are eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal.
+10:413).
 """
 
 from __future__ import annotations
@@ -46,34 +39,27 @@ _CLOSE, _CANCELLING = 1.5, 1.5  # ratio of close frequencies; sum of their ampli
 class ModalFit:
     """A fit of m damped vibrations (modes) to the signals of a ring-down (a free vibration).
 
-    omega is the angular frequency and delta the decay rate of a mode. kappa_1 and kappa_2 describe how frequency and
-    loss factor of the first mode grow with the amplitude.
-
     Attributes
     ----------
     signals : Signals
-        The signals of the ring-down, in n frames: c channels (a channel is one coordinate of one point), and r reduced
-        signals (independent linear combinations of the channels).
+        The signals of the ring-down: r reduced signals in n frames.
     modes : ndarray, shape (m, 2)
-        For each mode ln omega (omega in rad/s) and the loss factor 2 delta / omega.
+        ln(angular frequency in rad/s) and loss factor of each mode.
     bend : ndarray, shape (2,)
-        kappa_1 and kappa_2 of the first mode. At the first frame, its frequency is higher by the fraction kappa_1, and
-        its loss factor is larger by 2 kappa_2, than at small amplitudes.
+        Relative change of the frequency, and half of the change of the loss factor, from small amplitudes to the first
+        frame, for the first mode.
     has_bend : bool
-        Whether kappa_1 and kappa_2 were fitted; otherwise they are 0.
+        Whether ``bend`` was fitted.
     chi2 : float
         Sum of the squared residuals.
     noise : float
-        The larger of two numbers: the standard deviation of ``residuals`` near the frequency of the first mode, and
-        that of all ``residuals``.
+        Standard deviation of ``residuals``, of all or near the first frequency.
     covariance : ndarray
-        Covariance matrix of the entries of ``modes`` and ``bend`` that were fitted.
+        Covariance of ``modes`` and ``bend``.
     residuals : ndarray, shape (n, r)
-        Residuals of the reduced signals. Their standard deviation is 1 if the noise is as large as the recording
-        states.
+        Residuals of the reduced signals.
     linear : ndarray, shape (f, r)
-        For each reduced signal, the coefficients of the f functions of time whose sum is fitted to it. The functions
-        describe the vibrations and the slow motion.
+        Coefficients of f functions of time, which are fitted to the signals.
     """
 
     signals: Signals
@@ -96,16 +82,10 @@ class ModalFit:
 
     @staticmethod
     def of(signals: Signals, modes: Array, has_bend: bool) -> ModalFit:
-        """Fit modes to the signals of a ring-down (a free vibration), starting from given modes.
+        """Fit modes to the signals of a ring-down (a free vibration), starting from ``modes``.
 
-        Parameters
-        ----------
-        signals : Signals
-            The signals of the ring-down.
-        modes : ndarray, shape (m, 2)
-            The start: for each mode ln(angular frequency in rad/s) and the loss factor.
-        has_bend : bool
-            Whether to fit the change of the first mode with the amplitude (kappa_1 and kappa_2) too.
+        modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). has_bend: whether to fit the change
+        of the first mode with the amplitude.
         """
         count = len(modes)
 
@@ -123,6 +103,7 @@ class ModalFit:
         fitted = solved.x[: 2 * count].reshape(-1, 2)
         freedom = max(residual.size - solved.x.size - residual.shape[1] * 20, 1)
         white = float(np.sqrt((residual**2).sum() / freedom))
+        # The larger standard deviation is used.
         noise = max(_band_noise(signals, residual, np.exp(fitted[0, 0]) / (2 * np.pi)), white)
         covariance = noise**2 * np.linalg.pinv(solved.jac.T @ solved.jac)
         bend = solved.x[2 * count :] if has_bend else np.zeros(2)
@@ -134,7 +115,7 @@ class ModalFit:
     def widened(self, sigma: Array) -> ModalFit:
         """Return the fit with larger uncertainties of its first vibration.
 
-        sigma: two standard uncertainties that are added in quadrature: of ln(frequency), and of the loss factor, (2,).
+        sigma: standard uncertainties of ln(frequency) and loss factor, added in quadrature, (2,).
         """
         covariance = self.covariance.copy()
         covariance[:2, :2] += np.diag(sigma**2)
@@ -148,7 +129,7 @@ class ModalFit:
     def vibration_mm(self, which: int | None = None) -> Array:
         """Return the fitted vibrations in n frames and c channels (coordinates of points), (n, c) in mm.
 
-        which: index of the mode, counted from 0; None: the sum of all modes and of their harmonics.
+        which: index of one mode; None for the sum of all modes and harmonics.
         """
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
         rows = np.arange(2 * len(self.modes) + 4) if which is None else np.arange(2 * which, 2 * which + 2)
@@ -164,14 +145,11 @@ class ModalFit:
 
     @property
     def is_mildly_bent(self) -> bool:
-        """Whether the fitted changes of the first mode with the amplitude are small enough for a free vibration.
-
-        The frequency may change by at most 5 %, and the loss factor by at most its value at small amplitudes.
-        """
+        """Whether frequency and loss factor of the first mode depend little on the amplitude."""
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with the largest of its vibrations near the first frequency as the first vibration."""
+        """Move the largest vibration of about the first frequency to the first place."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -181,7 +159,7 @@ class ModalFit:
         return ModalFit.of(self.signals, self.modes[order], False)
 
     def slow_mm(self) -> Array:
-        """Return the fitted baseline (slow motion) in n frames and c channels (coordinates of points), (n, c) in mm."""
+        """Return the fitted slow motion in n frames and c channels (coordinates of points), (n, c) in mm."""
         # The shift with the square of the amplitude is nearly a part of the baseline; only their sum is determined.
         first = 2 * len(self.modes) + 4
         design = design_matrix(self.signals.time_s, self.modes, self.bend)
@@ -195,7 +173,7 @@ class ModalFit:
 
 
 def with_more_modes(fitted: ModalFit) -> ModalFit:
-    """Return the fit with further vibrations (modes), one for each clear peak in the spectrum of the residuals."""
+    """Return the fit with one more vibration for each clear peak in the spectrum of the residuals."""
     while len(fitted.modes) < _MOST_MODES:
         signals, n = fitted.signals, len(fitted.residuals)
         step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
@@ -226,10 +204,8 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    time: seconds since the first frame, (n,). mode: ln omega (omega: angular frequency in rad/s) and the loss factor,
-    both at small amplitudes. bend: two numbers kappa_1 and kappa_2, or empty if both are 0. At the first frame, the
-    frequency is 1 + kappa_1 times the frequency at small amplitudes, and the loss factor is larger by 2 kappa_2; both
-    changes decrease with the square of the amplitude.
+    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: kappa_1 and kappa_2 of the module's equations,
+    (2,), or empty if both are 0.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -243,13 +219,14 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    time: seconds, (n,). modes: ln(angular frequency in rad/s) and loss factor of one vibration in each row, at small
-    amplitudes. bend: two numbers kappa_1 and kappa_2, or empty if both are 0. At the first frame, the frequency of the
-    first vibration is 1 + kappa_1 times its frequency at small amplitudes, and its loss factor is larger by 2 kappa_2.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: kappa_1 and kappa_2 of the
+    module's equations, (2,), or empty if both are 0.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)
     waves = [first, *(exponent(t, mode, np.zeros(0)) for mode in modes[1:])]
+    # A nonlinear beam also vibrates at two and three times its frequency (Nayfeh and Mook 1979, Nonlinear Oscillations,
+    # section 2.3).
     harmonics = [2 * first, 3 * first]
     columns = [part for psi in (*waves, *harmonics) for part in wave(psi)]
     columns.append(np.exp(2 * np.minimum(first.real, 30.0)))
@@ -258,20 +235,15 @@ def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
 
 
 def wave(psi: NDArray[np.complex128]) -> tuple[Array, Array]:
-    """Return the real and the imaginary part of exp(psi), (n,) each, for the exponent psi of a mode at n times.
-
-    The mode vibrates as Re(a exp(psi)) with the complex amplitude a.
-    """
+    """Return the real and the imaginary part of exp(psi) at n times, (n,) each."""
     size = np.exp(np.minimum(psi.real, 30.0))
     return size * np.cos(psi.imag), size * np.sin(psi.imag)
 
 
 def _baseline(time: Array, frequency: float) -> Array:
-    """Return the functions of time that describe the slow motion of the beam, one in each column, at n times.
-
-    They cannot follow a vibration of the frequency ``frequency`` (Hz).
-    """
+    """Return the functions of time that describe the slow motion of the beam, one in each column, at n times."""
     span = time[-1] - time[0]
+    # The functions are so slow that they cannot follow the vibration.
     inner = int(np.clip(span * frequency / _KNOT_PERIODS - 1, 0, _MOST_KNOTS))
     x = (time - time[0]) / span
     # The material recovers fastest at the start, so the knots are denser there.
@@ -282,20 +254,14 @@ def _baseline(time: Array, frequency: float) -> Array:
 
 
 def _misfit(signals: Signals, mode: Array) -> float:
-    """Return the sum of the squared residuals of a fit with one vibration of known frequency and loss factor.
-
-    mode: ln(angular frequency in rad/s) and the loss factor.
-    """
+    """Return the sum of the squared residuals of a fit with one vibration of known frequency and loss factor."""
     orthogonal, _ = np.linalg.qr(design_matrix(signals.time_s, mode[None], np.zeros(0)))
     inner = orthogonal.T @ signals.reduced
     return float((signals.reduced**2).sum() - (inner**2).sum())
 
 
 def _band_noise(signals: Signals, residuals: Array, frequency: float) -> float:
-    """Return the standard deviation of white noise that has the same power near a frequency as the residuals.
-
-    residuals: the residuals of r signals in n frames, (n, r); frequency: in Hz.
-    """
+    """Return the standard deviation of white noise that has the power of the residuals near ``frequency`` (Hz)."""
     n = len(residuals)
     step = (signals.time_s[-1] - signals.time_s[0]) / (n - 1)
     power = (np.abs(np.fft.rfft(residuals, axis=0)) ** 2).mean(axis=1) / n

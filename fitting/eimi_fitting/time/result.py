@@ -35,9 +35,9 @@ class PronyTerm:
     Attributes
     ----------
     g : float
-        Relative modulus: the fraction of the instantaneous modulus that the term loses.
+        Fraction of the instantaneous modulus that the term loses.
     tau_s : float
-        Relaxation time in s.
+        Relaxation time.
     """
 
     g: float
@@ -64,25 +64,26 @@ class RingDown:
     frequency_Hz, frequency_sigma_Hz : float
         Frequency at small amplitudes and its standard uncertainty.
     decay_loss, decay_loss_sigma : float
-        Loss factor of the decay, 2 delta / omega with the decay rate delta and the angular frequency omega, and its
-        standard uncertainty. Weight and field make it differ from the loss factor of the material.
+        Loss factor of the decay and its standard uncertainty.
     amplitude_mm : float
-        Amplitude at the start of the fitted part of the recording, in the channel with the largest amplitude. A channel
-        is one coordinate of one point.
+        Amplitude at the start of the fitted part, where the beam moves most.
     frequency_change, loss_change : float
         Relative change of the frequency, and change of the loss factor, from small amplitudes to ``amplitude_mm``.
     higher_Hz : tuple of float
-        Frequencies of the higher modes that were used.
+        Frequencies of the higher modes.
     windows : tuple of Window
-        Frequency and loss factor in shorter parts of the recording (time windows).
-    time_s, displacement_mm, envelope_mm : tuple of float
-        Times of the frames. For the channel with the largest amplitude: displacement without the baseline (the slow
-        motion), and envelope.
+        Frequency and loss factor in parts of the recording.
+    time_s : tuple of float
+        Times of the frames.
+    displacement_mm, envelope_mm : tuple of float
+        Vibration and its amplitude, where the beam moves most.
     """
 
     label: str
     frequency_Hz: float
     frequency_sigma_Hz: float
+    # The loss factor of the decay is 2 delta / omega with the decay rate delta and the angular frequency omega. Weight
+    # and field make it differ from that of the material.
     decay_loss: float
     decay_loss_sigma: float
     amplitude_mm: float
@@ -97,14 +98,12 @@ class RingDown:
 
 @dataclass(frozen=True)
 class CreepCurve:
-    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time.
-
-    ``time_s`` is the time after the step of the load, and ``sigma_deg`` the standard uncertainty of the rotation.
-    """
+    """A recording of creep: measured and fitted rotation of the tip in degrees, each minus its mean over time."""
 
     label: str
     time_s: tuple[float, ...]
     measured_deg: tuple[float, ...]
+    # The standard uncertainty of the rotation.
     sigma_deg: tuple[float, ...]
     fitted_deg: tuple[float, ...]
 
@@ -120,9 +119,9 @@ class LawOfTime:
     frequency_Hz : float
         Frequency of the first ring-down (free vibration).
     loss_factor : float
-        Loss factor Im mu* / Re mu* of the material at ``frequency_Hz``.
+        Loss factor Im mu* / Re mu* at ``frequency_Hz``.
     loss_interval_95 : tuple of float
-        Lower and upper end of the 95 % interval of the loss factor.
+        95 % interval of the loss factor.
     dynamic_shear_modulus : Quantity
         Storage modulus Re mu* at ``frequency_Hz``.
     prony : tuple of PronyTerm
@@ -130,13 +129,11 @@ class LawOfTime:
     instantaneous_shear_modulus, long_term_shear_modulus : Quantity
         The modulus mu(0), and the limit of mu(t) for long times.
     known_between_s : tuple of float
-        Range of times in which the half-width of the 95 % interval of mu(t) is at most 5 %, without the uncertainties
-        of the inputs that a file specifies.
+        Range of times in which the data determine mu(t) to 5 %.
     moment : Quantity or None
-        Factor on the specified magnetic moment at which static states and motions give the same modulus; None if the
-        factor was not fitted.
+        Factor on the magnetic moment at which static states and motions agree.
     static_age_s : float or None
-        Median time between the setting of a static load and the measurement of the edges; None without static states.
+        Median time from a static load to the measurement of the edges.
     modulus_by_time : tuple of ModulusAt
         The modulus mu(t) at several times.
     ring_downs : tuple of RingDown
@@ -150,13 +147,13 @@ class LawOfTime:
     log_evidence : tuple of float
         Logarithm of the evidence (probability density of the data) for one, two, ... terms.
     chi2, rows : float, int
-        Sum of the squared residuals, each divided by its standard uncertainty, and number of residuals.
+        Sum of the squared residuals, and number of residuals.
     doubts : tuple of str
-        Reasons to distrust the result, as texts; empty if there is none.
+        Reasons to distrust the result.
     evaluations : int
         Number of laws for which the residuals were computed.
     wall_s : float
-        Time in s that the identification took.
+        Duration of the identification.
     """
 
     frequency_Hz: float
@@ -183,10 +180,7 @@ class LawOfTime:
 
 
 def storage_modulus(terms: Terms, unknowns: Array, omega: float) -> Array:
-    """Return the storage modulus of P candidate laws at an angular frequency, (P,) in Pa.
-
-    unknowns: the m unknowns of each candidate, (P, m); omega: angular frequency in rad/s.
-    """
+    """Return the storage modulus of P candidate laws at the angular frequency ``omega`` (rad/s), (P,) in Pa."""
     instantaneous, series = terms.split(unknowns[:, :-1])
     return np.asarray(instantaneous * series.complex_ratio(np.full((len(unknowns), 1), 1j * omega))[:, 0].real)
 
@@ -223,26 +217,25 @@ def result_of(
     specimen : Specimen
         The specimen of all motions.
     optimum, optima : TimeOptimum and sequence of TimeOptimum
-        The optimum with the chosen number of terms, and the optima for all numbers of terms.
+        The chosen optimum, and the optima for all numbers of terms.
     rings, creeps, static : tuple of RingEvidence, tuple of CreepEvidence, StaticEvidence or None
-        The ring-downs (free vibrations), the recordings of creep, and the static states if there are any.
+        The data.
     data_s : tuple of float
-        Range of times in s that the data cover.
+        Range of times that the data cover.
     sources : mapping of str to float
-        Standard uncertainties of the uncertain inputs, such as the width, by name.
+        Standard uncertainties of the inputs.
     effects, steps : mapping of str to ndarray
-        Changes of the residuals (``effects``) and of the unknowns (``steps``) by these uncertainties, one array for
-        each input.
+        Changes of the residuals and of the unknowns by these uncertainties.
     load_sigmas : mapping of str to float
-        Relative standard uncertainties of the magnetic loads, by name.
+        Relative standard uncertainties of the magnetic loads.
     draws, draws_fit : ndarray, shape (D, m)
-        D draws of the m unknowns, with the errors of the inputs (``draws``) and without (``draws_fit``).
+        Random draws of the m unknowns, with the errors of the inputs and without.
     doubts : tuple of str
         Warnings about the recordings.
     exposure_s : float or None
-        Exposure time of a frame; None if it is not known.
+        Exposure time of a frame.
     wall_s : float
-        Time in s that the identification took.
+        Duration of the identification.
     """
     terms, at = optimum.problem.terms, optimum.unknowns[None]
     frequency = rings[0].decay.modes[0].frequency_Hz
@@ -318,11 +311,8 @@ def result_of(
 
 
 def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
-    """Return the factor on the magnetic moment of the file at which static states and motions give the same modulus.
-
-    free: the optimum of a fit with an unknown moment. effects: the changes of the residuals if uncertain inputs change
-    by their uncertainties.
-    """
+    """Return the factor on the magnetic moment of the file at which static states and motions give the same modulus."""
+    # The moment is unknown in the fit ``free``.
     value, noise = float(np.exp(free.unknowns[-1])), float(free.covariance[-1, -1])
     total = noise + sum(float((moves[:, -1] ** 2).sum()) for moves in free.steps(effects).values())
 
@@ -334,10 +324,7 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the derivative of ln(modulus) by ln(frequency) of a beam's vibration.
-
-    before_Hz, after_Hz: frequencies before and after an increase of the modulus by 5 %.
-    """
+    """Return the derivative of ln(modulus) by ln(frequency) from the frequencies at a modulus and at 1.05 times it."""
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 
@@ -360,7 +347,7 @@ def _interval(value: float, drawn: Array) -> tuple[float, float]:
 def _known_between(curves: Array, start_s: float, data_s: tuple[float, float]) -> tuple[float, float]:
     """Return the range of times around ``start_s`` in which the data determine the modulus to 5 %.
 
-    curves: the modulus at m times for D random draws, (D, m). data_s: the range of times that the data cover.
+    curves: the modulus at m times for D random draws, (D, m).
     """
     half_width = NORMAL_95 * np.log(np.maximum(curves, 1e-3)).std(axis=0)
     here = int(np.argmin(np.abs(np.log(_CURVE / start_s))))
@@ -417,13 +404,7 @@ def _budget(
     load_sigmas: Mapping[str, float],
     small: Sequence[SmallEffect],
 ) -> tuple[BudgetEntry, ...]:
-    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects.
-
-    terms, optimum: the unknowns of the law, and their optimum. omega, dynamic: angular frequency in rad/s, and dynamic
-    modulus in Pa. draws_fit: random draws of the unknowns without the errors of the inputs. sources: standard
-    uncertainties of the inputs. steps: changes of the unknowns by these uncertainties. load_sigmas: relative standard
-    uncertainties of the magnetic loads. small: the small effects, such as the air.
-    """
+    """Return the uncertainty of the dynamic modulus due to each uncertain input, to the noise and to small effects."""
     entries = []
 
     def effect_percent(moves: Array) -> float:

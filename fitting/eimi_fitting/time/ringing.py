@@ -1,20 +1,9 @@
 """The frequencies and loss factors of a specimen's free vibrations, as functions of its viscoelastic law.
 
-A fit needs these functions for many candidate laws. The vibrations are therefore computed for a few moduli and
-interpolated. Two moduli matter:
-
-- The equilibrium modulus is the shear modulus with which the beam at rest under its loads is computed. The modes
-  (`beam.vibration`) are computed for a few equilibrium moduli, and interpolated in the logarithm of this modulus.
-- In a vibration exp(s t) with the complex rate s, a viscoelastic material has the equilibrium modulus times a complex
-  ratio r(s), which follows from the Prony series of the law. If r were a real constant, a mode would have a squared
-  angular frequency lambda(r). It is computed for a few real values of r, and lambda/r is interpolated by a polynomial
-  in 1/r. The polynomial then gives lambda for complex r. The rate s is the solution of s² = -lambda(r(s)).
-
-The modes are computed with a planar model. If the section of the specimen is solid, a three-dimensional model is more
-accurate, and three factors correct the planar model. The first factor multiplies the equilibrium modulus, so that the
-planar beam bends like the three-dimensional beam. For each mode, a second factor multiplies r and a third one lambda,
-so that lambda(0.9) and lambda(1.2) are those of the three-dimensional model. This model has a coarse mesh; the effect
-of a finer mesh is computed with planar models. All factors are computed once, at the middle of the equilibrium moduli.
+In a vibration exp(s t), the shear modulus at rest is multiplied by a complex ratio r(s). The squared angular frequency
+lambda of a mode is computed for a few moduli at rest and a few real r, and interpolated; a polynomial in 1/r gives
+lambda/r for complex r. The rate s is the solution of s² = -lambda(r(s)). The modes are those of a planar model, with
+factors that correct them to a three-dimensional model if the section is solid.
 """
 
 from __future__ import annotations
@@ -62,15 +51,7 @@ _FINE_ACROSS = 8  # elements across the planar model that corrects the solid mod
 class RingTable:
     """A table of the frequencies and decay rates of a specimen's free vibrations, for many viscoelastic laws.
 
-    The equilibrium modulus of a law is the shear modulus with which the beam at rest under its loads is computed. The
-    table has equilibrium moduli from half of ``middle_Pa`` to twice ``middle_Pa``.
-
-    Parameters
-    ----------
-    beam : RingingBeam
-        The specimen under its loads.
-    middle_Pa : float
-        Geometric mean of the equilibrium moduli of the table.
+    middle_Pa: geometric mean of the shear moduli at rest.
 
     Raises
     ------
@@ -107,17 +88,8 @@ class RingTable:
     def roots(self, log_modulus: Array, ratio: Ratio, count: int = 3, load_log: Array | None = None) -> ComplexArray:
         """Return the complex rates s of the vibrations exp(s t) of P candidate laws, (P, count) in 1/s.
 
-        Parameters
-        ----------
-        log_modulus : ndarray, shape (P,)
-            Logarithm of the equilibrium modulus of each law in Pa, with which the beam at rest is computed.
-        ratio : callable
-            The function r(s): takes rates s (P, count), and returns the complex modulus divided by the equilibrium
-            modulus.
-        count : int
-            Number of modes, at most 3.
-        load_log : ndarray, shape (P,), optional
-            Logarithm of a factor on the magnetic loads for each law.
+        log_modulus: ln(modulus at rest in Pa), (P,). ratio: function of the rates s, (P, count), that returns the
+        complex modulus divided by the modulus at rest. load_log: logarithms of the factors on the magnetic loads, (P,).
         """
         softer = float(np.log(self.planar_over_solid_modulus))
         inside = np.clip(log_modulus + softer, *np.log(self.range_Pa))
@@ -134,12 +106,7 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return a function that computes squared angular frequencies of the planar model, (P, count) in 1/s².
-
-        The argument of the function is the modulus in the vibration divided by the equilibrium modulus, (P, count), for
-        P laws. log_modulus: logarithms of the P equilibrium moduli, (P,). load_log: logarithms of P factors on the
-        magnetic loads, (P,).
-        """
+        """Return a function that computes squared angular frequencies of ``count`` planar modes, (P, count) in 1/s²."""
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
@@ -151,20 +118,13 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors that give three planar modes the frequencies of a more accurate beam model, two arrays (3,).
-
-        The first array has a factor on the shear modulus in the vibration for each mode, the second a factor on the
-        squared frequency.
-        """
+        """Factors on the moduli and on the squared frequencies of three planar modes, (3,) each, as corrections."""
+        # With the factors, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(squared angular frequency) of three planar modes for two shear moduli in the vibration, (3, 2).
-
-            The moduli are 0.9 and 1.2 times the modulus of the beam at rest, multiplied by exp(log_factors) for each
-            mode.
-            """
+            """Return ln(squared angular frequency) of three planar modes at two moduli, (3, 2)."""
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 
@@ -179,26 +139,17 @@ class RingTable:
 
     @property
     def solid_over_planar(self) -> Array:
-        """The three lowest frequencies of a more accurate model, divided by those of the planar model, (3,).
-
-        The more accurate model is three-dimensional for a solid section, and planar with a finer mesh for other
-        sections.
-        """
+        """The three lowest frequencies of the three-dimensional model, divided by those of the planar model, (3,)."""
+        # For a section that is not solid: of the planar model with a finer mesh.
         return self._better[0]
 
     @property
     def planar_over_solid_modulus(self) -> float:
-        """The factor on the modulus with which the planar model bends as far as a three-dimensional model.
-
-        It is 1 if the section is not solid.
-        """
+        """The factor on the modulus with which the planar model bends as far as a three-dimensional model."""
         return self._better[1]
 
     def solid_over_stated_modulus(self) -> float:
-        """Return the factor by which the identified modulus would change with a three-dimensional model of the beam.
-
-        It is 1 if the section in the specimen file is solid, so that the modulus already belongs to such a model.
-        """
+        """Return the factor by which the identified modulus would change with a three-dimensional model of the beam."""
         if self.beam.specimen.section == "solid":
             return 1.0
         solid = RingTable(replace(self.beam, specimen=replace(self.beam.specimen, section="solid")), self.middle_Pa)
@@ -211,26 +162,18 @@ class RingTable:
 
     @cached_property
     def fixed_weight_log(self) -> float:
-        """The change of ln(frequency) if the hanging weight moved with the tip in all directions; 0 without a weight.
-
-        A weight on a thread moves with the tip along gravity only.
-        """
+        """The change of ln(frequency) if the hanging weight moved with the tip in all directions."""
         beam = self.beam
         if not beam.hanging_N:
             return 0.0
+        # A weight on a thread moves with the tip along gravity only.
         fixed = Vibration(beam.planar(), beam.hanging_N / STANDARD_GRAVITY)
         motion, _ = fixed.about(beam.law, beam.parameters(np.array([self.middle_Pa])), beam.loads)
         return float(np.log(motion.frequencies_Hz(1)[0, 0] / beam.undamped_Hz(self.middle_Pa, 1)[0]))
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Frequencies and bending of a more accurate beam model, compared with the planar model, in a tuple.
-
-        The first element has the three lowest frequencies, divided by those of the planar model, (3,). The second is
-        the factor on the modulus with which the planar model bends as far. The third has the squared angular
-        frequencies of three modes in 1/s², (3, 2), for two moduli in the vibration: 0.9 and 1.2 times the modulus of
-        the beam at rest.
-        """
+        """Frequencies and bending of a three-dimensional model or of a finer mesh, compared with the planar model."""
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
@@ -238,6 +181,8 @@ class RingTable:
             finer, _ = beam.vibration(planar.refined()).about(
                 beam.law, parameters, beam.loads, stiffenings=_STIFFENINGS
             )
+            # Ratios of the three lowest frequencies, factor on the modulus for the bending, and squared angular
+            # frequencies at `_RATIOS`, (3, 2).
             return finer.frequencies_Hz()[0] / plain.frequencies_Hz()[0], 1.0, _eigenvalues(finer)
         beside = SolidBeside(beam.specimen, *_SOLID)
         bent = beside.solve(
@@ -261,23 +206,14 @@ class RingTable:
     def _finer_over_coarse(self, coarse: BeamModel, parameters: Array) -> tuple[Array, float]:
         """Return the changes of the squared frequencies and of the bending by a finer mesh across the beam.
 
-        Parameters
-        ----------
-        coarse : BeamModel
-            A planar model with the coarse mesh of the solid model.
-        parameters : ndarray, shape (1, n)
-            The parameters of the law.
-
         Returns
         -------
         factors : ndarray, shape (3, 2)
-            Squared angular frequencies of three modes with the finer mesh, divided by those with the coarse mesh. The
-            modulus in the vibration is 0.9 and 1.2 times the modulus of the beam at rest. All are 1 if a model has no
-            equilibrium.
+            Ratios of the squared angular frequencies of three modes at two moduli.
         turn_deg : float
-            Rotation of the tip in degrees with the finer mesh, minus the rotation with the coarse mesh; 0 if a model
-            has no equilibrium.
+            Change of the rotation of the tip.
         """
+        # The mesh of the three-dimensional model is as coarse as that of ``coarse``.
         beam, fine = self.beam, BeamModel(coarse.specimen, coarse.along, _FINE_ACROSS, coarse.plane)
         squares, turned = [], []
         for model in (coarse, fine):
@@ -291,20 +227,9 @@ class RingTable:
         return squares[1] / squares[0], turned[1] - turned[0]
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of ln(frequency) of three modes if uncertain inputs change by their uncertainties.
+        """Return the changes of ln(frequency) of three modes by each uncertain input, (components, 3).
 
-        Parameters
-        ----------
-        sources : mapping of str to float
-            Standard uncertainties of the inputs, such as the width of the beam, by name. Only one input changes at a
-            time, by its standard uncertainty.
-
-        Returns
-        -------
-        dict of ndarray, shape (components, 3)
-            For each input, one row for each of its components and one column for each of the three modes. An input has
-            several components if it is a vector, such as a background field. Zero for an input that changes neither the
-            specimen nor its loads.
+        sources: the standard uncertainties of the inputs, such as the width, by which they change.
         """
         before = np.log(self.beam.undamped_Hz(self.middle_Pa))
         return {key: self._effect(key, sigma, before) for key, sigma in sources.items()}
@@ -335,20 +260,14 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the squared angular frequencies of three modes for two shear moduli in the vibration, (3, 2) in 1/s².
-
-    The moduli are 0.9 and 1.2 times the modulus of the beam at rest.
-    """
+    """Return the squared angular frequencies of three modes for two moduli of the vibration, (3, 2) in 1/s²."""
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
     return np.asarray(squares[0].T)
 
 
 def _lagrange(nodes: Array, at: Array) -> Array:
-    """Evaluate F Lagrange polynomials at P points, (P, F).
-
-    Each polynomial is 1 at one of F nodes and 0 at the other nodes.
-    """
+    """Evaluate F Lagrange polynomials, each 1 at one of F nodes and 0 at all others, at P points, (P, F)."""
     values = np.ones((len(at), len(nodes)))
     for k, node in enumerate(nodes):
         for other in np.delete(nodes, k):
@@ -361,10 +280,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert a variable x, -1 < x <= 1, to the modulus in a vibration divided by the modulus of the beam at rest.
-
-    The squared frequencies are interpolated by polynomials in x.
-    """
+    """Convert x, -1 < x <= 1, to the modulus in a vibration divided by the modulus at rest."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

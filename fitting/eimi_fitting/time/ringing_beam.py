@@ -36,19 +36,20 @@ class RingingBeam:
     specimen : Specimen
         The beam, with its magnet if it has one.
     loads : Loads
-        The loads (one load case).
+        The loads in one state.
     law : Law
         The hyperelastic law.
     shape : ndarray, shape (n,)
-        The n parameters of the law, with moduli scaled so that the initial shear modulus is 1 Pa.
+        The n parameters of the law for an initial shear modulus of 1 Pa.
     hanging_N : float
-        Weight that hangs at the tip. Its force is part of ``loads``. Its mass moves with the tip along gravity only.
+        Weight that hangs at the tip.
     """
 
     specimen: Specimen
     loads: Loads
     law: Law
     shape: Array
+    # The force of the weight is part of ``loads``. Its mass moves with the tip along gravity only.
     hanging_N: float = 0.0
 
     @property
@@ -57,7 +58,7 @@ class RingingBeam:
         return self.specimen.section
 
     def vibration(self, model: BeamModel | SolidModel) -> Vibration:
-        """Return the `Vibration` of a beam model, which computes its modes with the weight that hangs at the tip."""
+        """Return the `Vibration` of a beam model, with the weight that hangs at the tip."""
         gravity = self.loads.gravity[0]
         size = float(np.linalg.norm(gravity))
         return Vibration(model, self.hanging_N / STANDARD_GRAVITY, gravity / size if self.hanging_N and size else None)
@@ -77,7 +78,7 @@ class RingingBeam:
         Raises
         ------
         NoEquilibrium
-            The beam has no stable equilibrium with this modulus.
+            The beam has no stable equilibrium.
         """
         motion, _ = self.vibration(self.planar()).about(self.law, self.parameters(np.array([modulus_Pa])), self.loads)
         if not motion.sound.all():
@@ -85,10 +86,7 @@ class RingingBeam:
         return np.asarray(motion.frequencies_Hz(count)[0])
 
     def under(self, deviations: Mapping[str, Array]) -> RingingBeam:
-        """Return the same beam under the same loads, with errors of uncertain inputs, such as the width.
-
-        deviations: the errors by the names of the inputs.
-        """
+        """Return the beam with errors of uncertain inputs, such as the width, by their names."""
         return RingingBeam(
             specimen_under(self.specimen, deviations), loads_under(self.loads, deviations), self.law, self.shape,
             self.hanging_N,

@@ -1,9 +1,4 @@
-"""The residuals of creep and of shapes at rest, to which a viscoelastic law is fitted.
-
-Both are computed by the method of `time.loaded_creep`, which gives the rotation of the tip over time under loads that
-change. All recordings are computed together, because this takes hardly longer than one recording. The module
-`time.evidence` explains the candidate laws and the residuals.
-"""
+"""The residuals of creep and of shapes at rest, to which a viscoelastic law is fitted."""
 
 from __future__ import annotations
 
@@ -33,33 +28,18 @@ _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the 
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads on a beam over time.
-
-    Attributes
-    ----------
-    steps : tuple of LoadStep
-        The loads in the order of time, each with the time at which it begins.
-    """
+    """The loads on a beam over time, in the order of time."""
 
     steps: tuple[LoadStep, ...]
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the loads in K states over time, each as a moment that depends on the rotation of the tip.
+        """Return the loads of K states over time.
 
-        The moments are computed from static equilibria of the beam with seven shear moduli.
-
-        Parameters
-        ----------
-        beam : RingingBeam
-            The specimen, with its law.
-        middle_Pa : float
-            A typical shear modulus. The seven moduli lie between 0.4 and 2.5 times this modulus.
-        loads : Loads
-            The loads of the K states.
-        begins_s : sequence of float
-            The K times (s) at which the loads begin.
+        middle_Pa: a typical shear modulus. begins_s: the K times (s) at which the loads begin.
         """
+        # The moment of the loads is interpolated between static equilibria with seven moduli, in which it equals the
+        # modulus times the rotation.
         model, moduli = beam.planar(), middle_Pa * np.geomspace(0.4, 2.5, _MODULI)
         # In a stronger field, a beam that is stiffer by the same factor turns by nearly the same rotation.
         factors = np.repeat([1.0, _STRONGER], _MODULI if loads.field_T.any() else [_MODULI, 0])
@@ -83,49 +63,41 @@ class LoadHistory:
 
 
 def _stiffness_of_gravity(beam: RingingBeam, middle_Pa: float) -> float:
-    """Return how strongly gravity resists a rotation of the tip, as a shear modulus in Pa.
-
-    Without gravity, a beam of this shear modulus would resist the rotation as strongly.
-    """
+    """Return the shear modulus (Pa) with which a weightless beam resists a rotation as strongly as gravity does."""
     motion, _ = beam.vibration(beam.planar()).about(beam.law, beam.parameters(np.array([middle_Pa])), beam.loads)
     return float(middle_Pa * motion.rest[0, 0, 0] / motion.material[0, 0, 0])
 
 
 @dataclass(frozen=True)
 class CreepEvidence:
-    """The measured slow rotation of the tip after a step of the load, which a viscoelastic law must explain.
-
-    The rotation is measured up to an unknown constant.
+    """The measured slow rotation of the tip after a step of the load, to which a viscoelastic law is fitted.
 
     Attributes
     ----------
     history : LoadHistory
         The loads over time.
     time_s, rotation, sigma : ndarray, shape (k,)
-        Times after the step, rotation of the tip in rad at these times, and its standard uncertainty.
+        Times after the step, rotations in rad, and their standard uncertainties.
     squares : ndarray, shape (k,)
-        Squared amplitude of the free vibration after the step in rad². The vibration shifts the mean rotation of a bent
-        beam in proportion to this square.
+        Squared amplitude of the free vibration in rad².
     label : str
-        Where the recording comes from, for messages.
+        Where the recording comes from.
     shown : tuple of ndarray, or None
-        Increasing true rotations in rad, and the rotations in rad that would be measured in their place. None if both
-        are equal.
+        True rotations in rad, increasing, and the rotations that would be measured.
     """
 
     history: LoadHistory
     time_s: Array
     rotation: Array
     sigma: Array
+    # The vibration shifts the mean rotation of a bent beam in proportion to this square.
     squares: Array
     label: str
     shown: tuple[Array, Array] | None = None
 
     def shown_at(self, true: Array) -> Array:
-        """Return the rotations of the tip that would be measured if its true rotations were ``true``, both in rad.
-
-        The measurement has a systematic error for a strongly bent beam.
-        """
+        """Return the rotations of the tip that would be measured if its true rotations were ``true``, both in rad."""
+        # Only a strongly bent beam is measured with a systematic error.
         if self.shown is None:
             return true
         nodes, values = self.shown
@@ -134,19 +106,14 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad.
-
-        load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
-        """
+        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad."""
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the deviations of computed from measured rotations of the tip for P candidate laws, (P, k + 1).
+        """Return the k residuals of the rotation of the tip and one of a prior, for P candidate laws, (P, k + 1).
 
-        Each is divided by its standard uncertainty. true: the computed rotations at the k times of the recording, (P,
-        k) in rad. Two unknown parts of the measured rotation are eliminated from the deviations: a constant, and the
-        shift by the free vibration. The prior of this shift adds the last column.
+        true: the computed rotations at k times in rad, (P, k).
         """
         gap = self.shown_at(true) - self.rotation
         error = _RECOVERY_ERROR if self.shown is None else _CREEP_ERROR
@@ -155,6 +122,8 @@ class CreepEvidence:
         error *= np.sqrt(max(1.0, len(self.time_s) / decades))
         sigma = np.hypot(self.sigma, error * np.ptp(self.rotation))
         of_square = 0.0 if self.shown is None else _OF_SQUARE
+        # Two unknown parts of the measured rotation are eliminated: a constant, and the shift of the mean rotation by
+        # the free vibration. The last residual is that of the prior of this shift.
         unknown = np.zeros((len(sigma) + 1, 2))
         unknown[:-1] = np.stack([1 / sigma, of_square * self.squares / sigma], axis=1)
         unknown[-1, 1] = 1.0
@@ -163,30 +132,29 @@ class CreepEvidence:
         return np.asarray(rows - rows @ basis @ basis.T)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros for each uncertain input, such as a width, because its effect on the residuals is neglected."""
+        """Return zeros for each uncertain input, such as a width."""
+        # The effect on the residuals is neglected.
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s) + 1)) for key in sources}
 
 
 @dataclass(frozen=True)
 class StaticEvidence:
-    """The shear modulus of an elastic fit to shapes at rest, which a viscoelastic law must explain (one residual).
+    """The shear modulus of an elastic fit to shapes at rest, to which a viscoelastic law is fitted (one residual).
 
     Attributes
     ----------
     beam : RingingBeam
-        The specimen, with its law.
+        The specimen.
     runs : tuple of (LoadHistory, ndarray)
-        For each run, the loads of its states over time, and the time at which the edges of each state were measured.
-        The beam is at rest before the first load of each run.
+        For each run, the loads over time, and the times at which edges were measured.
     loads : Loads
-        The loads of the states of all runs.
+        The loads of all states.
     modulus_Pa : float
-        Initial shear modulus of a fit that treats all states as elastic.
+        Initial shear modulus of the elastic fit.
     sigma : float
-        Relative standard uncertainty of the modulus due to noise and mesh.
+        Its relative standard uncertainty due to noise and mesh.
     stated : dict of str to float
-        Relative change of the modulus if an uncertain input changes by its standard uncertainty, by the name of the
-        input. The inputs are those that change the picture of the beam but not its shape, such as the scale.
+        Its relative change by errors of the picture, such as the scale.
     """
 
     beam: RingingBeam
@@ -198,7 +166,7 @@ class StaticEvidence:
 
     @property
     def age_s(self) -> float:
-        """The median time in s from the setting of a load to the measurement of the edges, over the states."""
+        """The median time in s from the setting of a load to the measurement of the edges."""
         ages = [seen_s - np.array([step.time_s for step in history.steps]) for history, seen_s in self.runs]
         return float(np.median(np.concatenate(ages)))
 
@@ -209,24 +177,21 @@ class StaticEvidence:
 
     @property
     def histories(self) -> list[tuple[tuple[LoadStep, ...], Array]]:
-        """For each run, its loads over time, and the increasing times at which the edges of states were measured."""
+        """For each run, its loads over time, and the increasing times at which edges were measured."""
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,).
-
-        load_log: for each law, the logarithm of a factor on the magnetic loads, (P,).
-        """
+        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,)."""
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 
     def _apparent_log(self, rotations: Sequence[Array]) -> Array:
         """Return ln(modulus in Pa) of the elastic beam whose tip would rotate like that of a viscoelastic beam, (P,).
 
-        rotations: for each run, the rotations of the tip in its static states for P laws, (P, states) in rad. The
-        result is a mean over the states. The modulus of an elastic beam is the moment of the loads divided by the
-        rotation; the moment has the unit Pa rad because it is divided by a constant of the beam in m³.
+        rotations: for each run, the rotations of the tip in its states for P laws, (P, states) in rad.
         """
+        # The modulus of an elastic beam is the moment of the loads (in Pa rad) divided by the rotation. The result is a
+        # mean over the states.
         total, weights = np.zeros(len(rotations[0])), np.zeros(len(rotations[0]))
         for (run, _), order, theta in zip(self.runs, self.orders, rotations, strict=True):
             for column, k in enumerate(order):
@@ -241,19 +206,17 @@ class StaticEvidence:
         return total / np.maximum(weights, 1e-30)
 
     def residuals_at(self, rotations: Sequence[Array]) -> Array:
-        """Return the deviation of ln(modulus) of an elastic fit from its measured value for P candidate laws, (P, 1).
+        """Return the residual of ln(shear modulus) of shapes at rest for P candidate laws, (P, 1).
 
-        It is divided by its standard uncertainty. rotations: for each run, the computed rotations of the tip at the
-        times at which its states were measured, (P, states) in rad.
+        rotations: for each run, the computed rotations of the tip in its states, (P, states) in rad.
         """
         gap = self._apparent_log(rotations) - np.log(self.modulus_Pa)
         return np.asarray(gap[:, None] / np.hypot(self.sigma, _STATIC_ERROR))
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the residual if one uncertain input, such as the width, changes by its uncertainty.
+        """Return the changes of the residual by each uncertain input, such as the width, (components, 1).
 
-        sources: the standard uncertainties of the inputs, by name. The result has an array (components, 1) for each
-        input that changes; only a vector, such as a background field, has several components.
+        sources: the standard uncertainties of the inputs, by which they change.
         """
         scale = np.hypot(self.sigma, _STATIC_ERROR)
         before = self._rotations(self.beam, 1.0)
@@ -292,27 +255,20 @@ class StaticEvidence:
 
 
 class SlowEvidence:
-    """All recordings of creep and the shapes at rest, which a viscoelastic law must explain.
-
-    Parameters
-    ----------
-    creeps : sequence of CreepEvidence
-        The recordings of creep.
-    static : StaticEvidence or None
-        The shapes at rest, if there are any. Either creep or shapes at rest are needed.
-    """
+    """All recordings of creep and the shapes at rest, to which a viscoelastic law is fitted."""
 
     def __init__(self, creeps: Sequence[CreepEvidence], static: StaticEvidence | None) -> None:
         self._creeps, self._static = tuple(creeps), static
+        # All recordings together take hardly longer than one recording.
         self._histories = CreepHistories(
             [*((creep.history.steps, creep.time_s) for creep in creeps), *(static.histories if static else [])]
         )
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the k residuals of all recordings of creep and of the shapes at rest for P candidate laws, (P, k).
+        """Return the k residuals of creep and of shapes at rest for P candidate laws, (P, k).
 
-        Each is divided by its standard uncertainty. load_log: for each law, the logarithm of a factor on the magnetic
-        loads.
+        instantaneous_Pa: instantaneous shear moduli, (P,). load_log: logarithms of the factors on the magnetic loads,
+        (P,).
         """
         rotations = self._histories.rotations(instantaneous_Pa, series, np.exp(load_log))
         rows = [creep.residuals_at(true) for creep, true in zip(self._creeps, rotations, strict=False)]
@@ -321,10 +277,9 @@ class SlowEvidence:
         return np.concatenate(rows, axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return the changes of the k residuals if one uncertain input, such as the width, changes by its uncertainty.
+        """Return the changes of the k residuals by each uncertain input, such as the width, (components, k).
 
-        sources: the standard uncertainties of the inputs, by name. The result has an array (components, k) for each
-        input that changes; only a vector, such as a background field, has several components.
+        sources: the standard uncertainties of the inputs, by which they change.
         """
         parts = [creep.effects(sources) for creep in self._creeps]
         if self._static:

@@ -1,9 +1,7 @@
 """The slow motion of a beam after a step of its load: the rotation of the tip at logarithmically spaced times.
 
-Points on the beam are measured, and their displacements are converted to the rotation of the tip. The conversion needs
-the displacement of each point for a rotation of the tip by one rad, which follows from two static solutions
-(`displacement_per_rad`). The fitted vibrations are subtracted first, and the remaining motion is averaged over at least
-one period.
+The measured displacements of points are divided by their displacements for a rotation of the tip by one rad. The fitted
+vibrations are subtracted, and the remaining motion is averaged over at least one period.
 """
 
 from __future__ import annotations
@@ -33,16 +31,7 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
     """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
-    Parameters
-    ----------
-    beam : RingingBeam
-        The specimen, with its law.
-    modulus_Pa : float
-        Initial shear modulus.
-    loads, before : Loads
-        The loads after the step of the load, and those before it, with one load case each.
-    rest_mm : ndarray, shape (p, 2)
-        Positions (x, y) of the points at rest.
+    before: the loads of one state until the step of the load. rest_mm: positions (x, y) of the points at rest, (p, 2).
     """
     model = beam.planar()
     places = _places(beam, rest_mm)
@@ -70,29 +59,10 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return a table that converts the true rotation of the tip to the rotation that is measured in the pictures.
+    """Return true rotations of the tip in rad, increasing, and the rotations that would be measured in the pictures.
 
-    The measurement has a systematic error: it divides displacements by a constant displacement per rad.
-
-    Parameters
-    ----------
-    beam : RingingBeam
-        The beam with the loads after the step.
-    modulus_Pa : float
-        A typical shear modulus. The table covers the rotations with moduli between 0.4 and 2.5 times this modulus.
-    rest_mm : ndarray, shape (p, 2)
-        Positions (x, y) of the points at rest.
-    signals : Signals
-        The measured coordinates in all frames after the step of the load.
-    per_rad_mm : ndarray, shape (p, 2)
-        Displacements of the p points for a rotation of the tip by one rad, by which the measured displacements are
-        divided.
-
-    Returns
-    -------
-    tuple of ndarray, or None
-        True rotations in rad, increasing, and the rotations that would be measured, up to a constant. None if the
-        rotation does not depend on the modulus.
+    The result is None if the rotation hardly depends on the modulus. modulus_Pa: a typical shear modulus. rest_mm:
+    positions (x, y) of p points at rest, (p, 2). per_rad_mm: their displacements for a rotation by one rad, (p, 2).
     """
     model = beam.planar()
     places = _places(beam, rest_mm)
@@ -105,6 +75,7 @@ def shown_rotations(
     moved = model.positions(shapes, places)[sound, 0][:, signals.points, signals.axis]
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     order = np.argsort(angle)
+    # The measurement has a systematic error: it divides displacements by a constant displacement per rad.
     even = np.linspace(angle.min(), angle.max(), _NODES)
     return even, scipy.interpolate.CubicSpline(
         angle[order], ((moved / signals.sigma_mm) @ gain / (gain @ gain))[order]
@@ -114,19 +85,10 @@ def shown_rotations(
 def modulus_in_pictures(beam: RingingBeam, modulus_Pa: float, motion: Motion) -> float:
     """Return the shear modulus (Pa) for which the computed beam is bent as far as the beam in the recorded frames.
 
-    The result is ``modulus_Pa`` if the modulus hardly changes the rotation.
-
-    Parameters
-    ----------
-    beam : RingingBeam
-        The beam with the loads after the step.
-    modulus_Pa : float
-        A typical shear modulus. The result lies between 0.4 and 1.25 times this modulus: a beam that creeps is softer
-        than one that vibrates.
-    motion : Motion
-        The recorded motion. The second half of its frames is used.
+    modulus_Pa: a typical shear modulus, the result if the modulus hardly changes the rotation.
     """
     model, places = beam.planar(), _places(beam, motion.rest_mm)
+    # A beam that creeps is softer than one that vibrates.
     moduli = modulus_Pa * np.geomspace(*_SEEN_RANGE, _SHAPES)
     shapes = model.solve(beam.law, beam.parameters(moduli), beam.loads)
     sound = shapes.status[:, 0] == 0
@@ -159,24 +121,13 @@ def slow_rotations(
 ) -> tuple[Array, Array, Array, Array] | None:
     """Return the rotation of the tip after a step of the load, averaged over time intervals, without vibrations.
 
-    The rotations contain an unknown constant. The intervals are equally long in the logarithm of the time.
-
-    Parameters
-    ----------
-    motion : Motion
-        The recorded motion.
-    signals : Signals
-        The measured coordinates in all frames after the step.
-    decay : Decay or None
-        The vibrations in the recording; None if no vibration was found in it.
-    per_rad_mm : ndarray, shape (p, 2)
-        Displacements of the p points for a rotation of the tip by one rad.
+    decay: the vibrations, or None. per_rad_mm: displacements of p points for a rotation by one rad, (p, 2).
 
     Returns
     -------
     tuple of ndarray, or None
-        For each interval: time in s, rotation in rad, its standard uncertainty in rad, and the squared amplitude of the
-        subtracted vibration in rad². None if there are fewer than three intervals, or if no point moves.
+        For each interval: time in s, rotation and its standard uncertainty in rad, and the squared amplitude of the
+        vibration in rad². None for fewer than three intervals, or if no point moves.
     """
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     if not gain @ gain > 0:
@@ -185,6 +136,7 @@ def slow_rotations(
     if len(times) < 3:
         return None
     shortest = 1 / decay.modes[0].frequency_Hz if decay is not None and len(decay.baseline_mm) else 0.0
+    # The rotations contain an unknown constant.
     ends = np.geomspace(times[0], times[-1] * (1 + 1e-9), _MOST_BINS + 1)
     merged = [ends[0]]
     for end in ends[1:]:
@@ -209,10 +161,7 @@ def slow_rotations(
 
 
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
-    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration at these times.
-
-    gain: for each coordinate of a point, the displacement for a rotation of the tip by one rad, divided by the noise.
-    """
+    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration."""
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
         return np.zeros(1), np.zeros(1)
@@ -222,11 +171,9 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return times, slow rotations of the tip, and the vibrations that remain in these rotations, (n,) each.
+    """Return times in s, slow rotations of the tip, and the vibrations that remain in them, (n,) each, in rad.
 
-    The n frames are those that show the slow motion. Times are in s, rotations and vibrations in rad. decay: the fitted
-    vibrations; None if no vibration was found. gain: for each coordinate of a point, the displacement for a rotation of
-    the tip by one rad, divided by the noise.
+    gain: displacement for a rotation of the tip by one rad, divided by the noise, for each coordinate of a point.
     """
     times = signals.time_s
 
@@ -248,35 +195,22 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the vibration of the tip in m frames after the fitted frames, as root mean square rotations in rad, (m,).
-
-    It is the fitted vibration, which continues to decay. gain: for each coordinate of a point, the displacement for a
-    rotation of the tip by one rad, divided by the noise. times_s: times of the m frames.
-    """
+    """Return the size of the decaying vibration of the tip at m later times, (m,) in rad."""
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
     if not len(vibration) or not len(times_s):
         return np.zeros(len(times_s))
     mode = decay.modes[0]
     last = decay.time_s > decay.to_s - 2 / mode.frequency_Hz
+    # The size is the root mean square over the last two fitted periods.
     size = float(np.sqrt(np.mean(((vibration[last] / signals.sigma_mm) @ gain / (gain @ gain)) ** 2)))
     return np.asarray(size * np.exp(np.maximum(mode.rate.real, -1e3) * (times_s - decay.to_s)))
 
 
 def _unseen_ringing(times_s: Array, rotation: Array, white: float) -> Array:
-    """Estimate the vibration in n frames to which none could be fitted, as root mean square rotations in rad, (n,).
+    """Estimate the size of a decaying vibration from the scatter of n rotations of the tip, (n,) in rad.
 
-    The vibration is an error of the measured slow rotation. It is assumed to decay exponentially, and is 0 for fewer
-    than 8 frames.
-
-    Parameters
-    ----------
-    times_s : ndarray, shape (n,)
-        Times of the frames after the step, s, greater than 0.
-    rotation : ndarray, shape (n,)
-        Measured rotations of the tip in rad.
-    white : float
-        Standard deviation of the noise of a rotation in rad, without a vibration.
+    rotation: measured rotations in rad, (n,). white: standard deviation of their noise in rad.
     """
     if len(times_s) < _FEWEST_FOR_RINGING:
         return np.zeros(len(times_s))

@@ -1,8 +1,4 @@
-"""Small effects on a ring-down (a free vibration) that are estimated but not corrected, such as the air.
-
-The effects are the air, eddy currents in the magnet, the current that the magnet induces in the coil, the exposure of
-the frames, and the clamp. For each effect, the changes of the dynamic modulus and of the loss factor are estimated.
-"""
+"""Small effects on a ring-down (a free vibration) that are estimated but not corrected, such as the air."""
 
 from __future__ import annotations
 
@@ -28,11 +24,11 @@ class SmallEffect:
     Attributes
     ----------
     source, words : str
-        Key of the effect, and its name in words.
+        Key and name of the effect.
     modulus_percent : float
-        Contribution of the effect to the standard uncertainty of the dynamic modulus, in per cent.
+        Contribution to the standard uncertainty of the dynamic modulus.
     loss : float
-        Contribution of the effect to the standard uncertainty of the loss factor.
+        Contribution to the standard uncertainty of the loss factor.
     """
 
     source: str
@@ -46,18 +42,7 @@ def small_effects(
 ) -> tuple[SmallEffect, ...]:
     """Return the estimates of all small effects on the modulus and loss factor of one ring-down (a free vibration).
 
-    Parameters
-    ----------
-    specimen : Specimen
-        The beam, with its magnet if it has one.
-    loads : Loads
-        The loads during the ring-down.
-    frequency_Hz, loss : float
-        Frequency and loss factor of the ring-down.
-    gain : float
-        Derivative of ln(modulus) by ln(frequency) for this beam.
-    exposure_s : float or None
-        Exposure time of a frame; None if it is not known.
+    gain: derivative of ln(modulus) by ln(frequency). exposure_s: exposure time of a frame, or None.
     """
     omega = 2 * np.pi * frequency_Hz
     width, depth, length = (1e-3 * v for v in (specimen.width_mm, specimen.depth_mm, specimen.length_mm))

@@ -1,22 +1,15 @@
 """The vibration of a beam with a hanging weight that swings like a pendulum.
 
-A weight on a thread exchanges energy with the beam, most of all if it swings at about the frequency of the beam or at
-half of this frequency. There are then two vibrations of almost equal frequency, and neither of them has the frequency
-that the beam would have if the weight did not swing. This module computes this frequency from the two vibrations. Let y
-be the deflection of the tip, c y the sideways displacement of the upper end of the thread, and x that of the weight.
-Let m be the mass of the weight, M the mass of the moving beam with the weight, and g the acceleration of gravity. Then
+With the deflection y of the tip and the sideways displacement x of the weight,
 
-    M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,    w = g / length of the thread,
+    M y'' + k y + m w c (c y - x) = 0,    x'' + w (x - c y) = 0,
 
-where k is the complex stiffness of the beam. The squares lambda_1 and lambda_2 of the complex angular frequencies are
-the eigenvalues of a symmetric matrix with the determinant w k / M. Only the beam loses energy, the weight does not. The
-share of the beam in the kinetic energy of vibration i is therefore p_i = Im lambda_i / (Im lambda_1 + Im lambda_2). The
-eigenvalues thus give the squared angular frequencies of the pendulum, w, and of the beam without a swing, k / M:
+where k is the complex stiffness of the beam, M its mass with the weight, m the mass of the weight, w the squared
+angular frequency of the pendulum, and c y the displacement of the upper end of the thread. The squared complex angular
+frequencies lambda_1 and lambda_2 of the two vibrations give that of the beam without a swing, k / M:
 
-    w = p_2 Re lambda_1 + p_1 Re lambda_2,    k / M = lambda_1 lambda_2 / w.
-
-If the weight swings at half of the frequency, the equations are not linear, and the result holds approximately. If the
-two frequencies are far apart, the vibration with the larger loss is that of the beam alone.
+    p_i = Im lambda_i / (Im lambda_1 + Im lambda_2),    w = p_2 Re lambda_1 + p_1 Re lambda_2,
+    k / M = lambda_1 lambda_2 / w.
 """
 
 from __future__ import annotations
@@ -46,13 +39,10 @@ _PER_DISTANCE = 0.05  # further error of ln(frequency), as a share of the distan
 
 
 def with_swing(fitted: ModalFit, windows: Sequence[Window]) -> ModalFit | None:
-    """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing.
-
-    fitted: the fit of one vibration to the same frames; windows: its frequency and loss factor in parts of the
-    recording.
-    """
+    """Return a fit of the two vibrations that a swinging weight causes, or None if the weight does not swing."""
     if fitted.noise < _NOISE:
         return None
+    # The weight may also swing at half of the frequency. The equations of this module then hold approximately.
     best: ModalFit | None = None
     for ratio in _RATIOS:
         for loss in _LOSSES:
@@ -78,16 +68,16 @@ def _is_sound(two: ModalFit) -> bool:
 
 
 def of_beam(two: ModalFit) -> tuple[Array, Array]:
-    """Return the vibration that the beam would have if its hanging weight did not swing, and its covariance.
+    """Return the vibration of the beam without a swing of its hanging weight, and its covariance.
 
-    two: the fit of two vibrations to the motion of the beam with the swinging weight.
+    two: the fit of two vibrations to the motion with the swing.
 
     Returns
     -------
     mode : ndarray, shape (2,)
         ln(angular frequency in rad/s), and loss factor.
     covariance : ndarray, shape (2, 2)
-        Covariance matrix of these two quantities.
+        Covariance matrix of ``mode``.
     """
     at = two.modes.ravel()
     mode = _alone(at)
@@ -102,7 +92,7 @@ def of_beam(two: ModalFit) -> tuple[Array, Array]:
 def _squares(modes: Array) -> NDArray[np.complex128]:
     """Return the squares of the complex angular frequencies of two vibrations, (2,).
 
-    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    modes: ln(angular frequency) and loss factor of each vibration, (4,).
     """
     log_omega, loss = modes.reshape(2, 2).T
     return np.asarray(np.exp(2 * log_omega) * (1 + 1j * np.maximum(loss, 0.0)))
@@ -111,8 +101,9 @@ def _squares(modes: Array) -> NDArray[np.complex128]:
 def _shares(modes: Array) -> Array:
     """Return the fraction of the kinetic energy that is in the beam, not in the weight, for two vibrations, (2,).
 
-    modes: ln(angular frequency) and loss factor of the first vibration, then of the second one, (4,).
+    modes: ln(angular frequency) and loss factor of each vibration, (4,).
     """
+    # Only the beam loses energy, so that its share of the kinetic energy is proportional to this loss.
     lost = _squares(modes).imag
     return np.asarray(lost / lost.sum())
 
@@ -120,10 +111,10 @@ def _shares(modes: Array) -> Array:
 def _alone(modes: Array) -> Array:
     """Return ln(angular frequency) and the loss factor of the beam with a weight that does not swing, (2,).
 
-    modes: ln(angular frequency) and loss factor of the first vibration with the swinging weight, then of the second
-    one, (4,).
+    modes: ln(angular frequency) and loss factor of each vibration with the swing, (4,).
     """
     squares, shares = _squares(modes), _shares(modes)
+    # Far apart, the vibration with the larger loss is that of the beam alone.
     if abs(modes[2] - modes[0]) > np.log(_APART):
         alone = squares[int(np.argmax(shares))]
     else:

@@ -1,10 +1,7 @@
 """The unknowns of a viscoelastic (Prony) law: the shear modulus and the terms of the Prony series.
 
-With n terms, a candidate has the unknowns (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n): the long-term shear
-modulus mu_inf, the modulus mu_i = h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal in the
-logarithms. The prior of h_i has the median 0.1 and the standard deviation 1.5 of ln h_i. The range of times that the
-data cover is divided into n intervals of equal length in ln tau. The median of tau_i is the middle of interval i. The
-standard deviation of ln tau_i is half of such an interval, or almost zero if the relaxation times are fixed.
+With n terms, the unknowns are (ln mu_inf, ln h_1 .. ln h_n, ln tau_1 .. ln tau_n), with the long-term shear modulus
+mu_inf, the modulus h_i mu_inf of each term, and the relaxation times tau_i. All priors are normal.
 """
 
 from __future__ import annotations
@@ -34,11 +31,11 @@ class Terms:
     count : int
         Number n of terms.
     range_s : tuple of float
-        Shortest and longest relaxation time of the prior.
+        Shortest and longest relaxation time.
     modulus_Pa : float
-        Median of the prior of the long-term shear modulus.
+        Prior median of the long-term shear modulus.
     free_times : bool
-        Whether the relaxation times are unknown; otherwise they are fixed.
+        Whether the relaxation times are unknown.
     """
 
     count: int
@@ -48,23 +45,18 @@ class Terms:
 
     @property
     def mean(self) -> Array:
-        """The prior means of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,).
-
-        The unknowns are ln(long-term modulus), then for each term ln(modulus / long-term modulus), then for each term
-        ln(relaxation time).
-        """
+        """The prior means of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
+        # The range of times is divided into n intervals of equal length in ln tau. The prior median of tau_i is the
+        # middle of interval i.
         middle = low + (high - low) * (np.arange(self.count) + 0.5) / self.count
         return np.concatenate([[np.log(self.modulus_Pa)], np.full(self.count, np.log(_SHARE)), middle])
 
     @property
     def sigma(self) -> Array:
-        """The prior standard deviations of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,).
-
-        The unknowns are ln(long-term modulus), then for each term ln(modulus / long-term modulus), then for each term
-        ln(relaxation time).
-        """
+        """The prior standard deviations of the 1 + 2 n unknowns of a law with n terms, (1 + 2 n,)."""
         low, high = np.log(self.range_s)
+        # The standard deviation of ln tau_i is half of such an interval.
         spacing = (high - low) / (2 * self.count) if self.free_times else _HELD_SIGMA
         return np.concatenate([[MODULUS_SIGMA], np.full(self.count, _SHARE_SIGMA), np.full(self.count, spacing)])
 

@@ -2,8 +2,8 @@
 
 modulus_range        the range of moduli that the data allow
 named_causes         mistakes in the loads that explain why no material fits
-measured_rest_shape  the stress-free shape of the specimen, from its states without load
+measured_rest_shape  the stress-free shape of the specimen, measured without load
 search               the global search, by CMA-ES
-_cma                 import of the package cma without its plotting parts
+_cma                 import of the package cma without its plots
 polish               the local improvement, by Gauss-Newton
 """

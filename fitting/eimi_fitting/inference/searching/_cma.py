@@ -1,10 +1,4 @@
-"""Import the package cma without the packages that it uses for plots and surrogate models.
-
-On import, cma loads matplotlib.pyplot and scipy.stats if they are installed. A search uses neither package. The two
-packages take 1.5 s of the 1.8 s of the import (medians of three fresh processes, with numpy and scipy.optimize loaded
-before). A whole fit takes about the same time as the import. Both packages are therefore hidden from the thread that
-imports cma. Other threads can import both packages meanwhile.
-"""
+"""Import the package cma without matplotlib and scipy.stats, which a search does not use."""
 
 from __future__ import annotations
 
@@ -15,23 +9,19 @@ from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
 from types import ModuleType
 
+# These packages take 1.5 s of the 1.8 s of the import of cma (medians of three fresh processes, with numpy and
+# scipy.optimize loaded). The import takes about as long as a whole fit.
 _UNUSED = frozenset({"matplotlib", "scipy.stats"})
 
 
 class _Absent(MetaPathFinder):
-    """Hide matplotlib and scipy.stats from the import of cma, which is then faster because it loads neither package.
-
-    Only the thread that created this object cannot import the two packages.
-    """
+    """Hide matplotlib and scipy.stats from imports in the thread that creates this object."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for matplotlib and scipy.stats, so that cma is imported without them.
-
-        For every other package, return None, and Python imports it as usual.
-        """
+        """Raise ModuleNotFoundError for matplotlib and scipy.stats; return None for all other packages."""
         if name in _UNUSED and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
 

@@ -1,13 +1,8 @@
 """Measure the stress-free shape of a specimen from its states without field and tip force.
 
-The edges of these states show the stress-free shape, bent by the weight of the beam. The stress-free shape is described
-by the shape in the specimen file, plus a few smooth deviations (modes), each multiplied by an amplitude in mm. The
-amplitudes are fitted so that the simulated edges agree with the measured edges. A small rotation and a small shift of
-the picture are fitted too.
-
-A mode is used if its amplitude exceeds three standard deviations and a smallest amplitude: 0.005 mm for a mode that
-bends the beam, and 0.003 mm for a mode that changes its width. Modes with these amplitudes change the identified
-modulus by about 0.05 % and 0.2 %.
+The stress-free shape is the shape in the specimen file, plus a few smooth deviations (modes) with amplitudes in mm. The
+amplitudes are fitted so that the edges of the beam, which its weight bends, agree with the measured edges. A mode is
+used if its amplitude exceeds three standard deviations, and 0.005 mm for a bend or 0.003 mm for a change of the width.
 """
 
 from __future__ import annotations
@@ -62,11 +57,9 @@ class MeasuredRestShape:
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Amplitudes in mm of smooth deviations from the shape in the specimen file: of the middle line (``bends_mm``) and
-        of the width (``widths_mm``). Zero for a deviation that is not significant.
+        Amplitudes of the smooth deviations of the middle line and of the width.
     bend_sigma_mm, width_sigma_mm : float
-        Largest standard uncertainty in mm of the significant amplitudes in ``bends_mm`` and in ``widths_mm``. Zero if
-        no amplitude is significant.
+        Largest standard uncertainties of ``bends_mm`` and of ``widths_mm``.
     """
 
     specimen: Specimen
@@ -76,19 +69,9 @@ class MeasuredRestShape:
     width_sigma_mm: float
 
     def applied(self, experiment: Experiment, of: str = "states without load") -> Experiment:
-        """Return the experiment with the measured stress-free shape and the uncertainty of this shape.
+        """Return the experiment with the measured stress-free shape and its uncertainty.
 
-        Parameters
-        ----------
-        experiment : Experiment
-            The experiment with the shape of the specimen file.
-        of : str
-            Name of the measurement of the shape. Datasets with the same name share one error of the shape.
-
-        Returns
-        -------
-        Experiment
-            The experiment with the measured shape.
+        of: name of the measurement of the shape. Datasets with equal names share one error of the shape.
         """
         sigmas = {"rest-shape": self.bend_sigma_mm, "taper": TAPER * self.width_sigma_mm}
         taper, waist = (of_width * mode for of_width, mode in zip((TAPER, WAIST), self.widths_mm, strict=True))
@@ -117,15 +100,7 @@ class MeasuredRestShape:
 def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
     """Measure the stress-free shape of a specimen from the edges of the beam without load.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        The measured edges under several loads, and the shape in the specimen file.
-
-    Returns
-    -------
-    MeasuredRestShape or None
-        The measured shape. None if it cannot be measured or does not differ significantly from the shape in the file.
+    The result is None if the shape cannot be measured, or hardly differs from the specimen file.
     """
     unloaded = unloaded_states(experiment)
     bent = np.setdiff1d(np.arange(len(experiment.loads)), unloaded)
@@ -153,6 +128,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
         if fitted is None:
             return None
         modulus_Pa = _nearby_modulus(_shaped(chosen, fitted[0]), modulus_Pa)
+    # A deviation that is not significant gets the amplitude 0.
     used = _significant(*fitted)
     fitted = _amplitudes(rest, modulus_Pa, np.where(np.isin(every, used), fitted[0], 0.0), used) if len(used) else None
     if fitted is None:
@@ -170,19 +146,15 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
-    """Return the indices of the smooth deviations whose amplitudes differ significantly from zero.
-
-    amplitudes: the amplitudes of all deviations in mm; sigma: their standard deviations in mm.
-    """
+    """Return the indices of the amplitudes (mm) that differ significantly from zero."""
+    # Standard deviations ``sigma`` in mm.
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
 def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
-    """Return the indices of the states in which magnetic field and tip force are at most 2 % of their largest values.
-
-    The stress-free shape is measured in these states. The result is empty if a pressure acts in any state.
-    """
+    """Return the indices of the states with field and tip force of at most 2 % of their largest values."""
     loads = experiment.loads
+    # The stress-free shape is not measured if a pressure acts in any state.
     if np.any(np.asarray(loads.pressure_Pa)):
         return np.zeros(0, np.intp)
     sizes = (np.linalg.norm(vectors, axis=1) for vectors in (loads.field_T, loads.tip_force_N))
@@ -190,16 +162,13 @@ def unloaded_states(experiment: Experiment) -> NDArray[np.intp]:
 
 
 def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
-    """Return the experiment with smooth deviations of given amplitudes (mm) added to the stress-free shape."""
+    """Return the experiment with smooth deviations of the amplitudes (mm) added to the stress-free shape."""
     specimen = with_modes(experiment.model.specimen, amplitudes[:BENDS].tolist(), amplitudes[BENDS:].tolist())
     return replace(experiment, model=experiment.model.of(specimen))
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the distances (mm) of measured points from simulated edges, one array for each position of the picture.
-
-    setups: assumed rotations and shifts of the picture. The result is None if the beam has no equilibrium.
-    """
+    """Return the distances (mm) of measured points from simulated edges, one array for each of ``setups``."""
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -211,11 +180,7 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the smooth deviations from the shape in the specimen file to the measured edges of the beam without load.
-
-    used: indices of the deviations that are fitted. The results are all amplitudes in mm and their standard
-    uncertainties, or None if no shape fits.
-    """
+    """Fit the deviations with the indices ``used``; return all amplitudes and their uncertainties in mm, or None."""
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
     tau, spread, inverse = 1.0, 0.0, np.zeros((len(priors), len(priors)))
@@ -240,6 +205,7 @@ def _amplitudes(
         amplitudes[used] += step[:-2]
         picture = picture + step[-2:]
         remaining = here[0] + slopes @ step
+        # A small rotation and a small shift of the picture are fitted too.
         spread = float(np.sqrt(np.mean(remaining**2)))
         tau = correlation_length(remaining[None], np.ones((1, len(remaining))))
     if spread > _WORST_MM:
@@ -255,10 +221,7 @@ def _picture(turn_deg_shift_mm: Array) -> Setup:
 
 
 def _scanned_modulus(bent: Experiment) -> float:
-    """Return the shear modulus in Pa for which simulated edges are closest to measured edges.
-
-    The moduli reach from those of gels to those of metals.
-    """
+    """Return the shear modulus in Pa for which simulated edges are closest to measured edges."""
     problem = Problem(_LAW, Unknowns(search_space(_LAW)), (bent,))
     points = _POINTS_A_STATE * len(bent.loads)
     return _nearby_modulus(bent, narrowed(problem, scanned(problem, points), points).best_Pa)
@@ -276,10 +239,7 @@ def _nearby_modulus(bent: Experiment, near_Pa: float) -> float:
 
 
 def _errors_mm(bent: Experiment, moduli_Pa: Array) -> Array:
-    """Return the root mean square distance of measured points from simulated edges for S shear moduli, (S,) in mm.
-
-    The result is a very large number for a modulus with which the beam has no equilibrium.
-    """
+    """Return the root mean square distance of measured points from simulated edges for S shear moduli, (S,) in mm."""
     shapes = bent.model.solve(_LAW, moduli_Pa[:, None], bent.loads, tolerance_mm=1e-3)
     error = np.sqrt(np.mean(bent.observed.misfit(bent.model, shapes).error_mm ** 2, axis=1))
     return np.where(shapes.converged, error, DISCARDED_MM)

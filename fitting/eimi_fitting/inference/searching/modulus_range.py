@@ -1,12 +1,8 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-The largest displacement u of a stiff beam of length L is proportional to the loads divided by the shear modulus mu. For
-given loads, c = mu u / L is therefore a constant in Pa. One simulation of a stiff beam gives c. At mu = c / 3 a linear
-beam would bend by three times its length. At mu = c / 1e-7 the displacement would be too small to be measured. The
-objective (the error in mm that the fit minimises) is computed for moduli between these two limits. The range that is
-then searched contains all moduli whose objective is within 2 % of the smallest objective, and covers at least a factor
-of 1000. Tensile curves are not used here, because a curve in a wrong unit would give a range without the modulus of the
-beam.
+For stiff beams of length L with the displacement u, c = mu u / L does not depend on the shear modulus mu. The objective
+(the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7. The searched range contains all
+moduli whose objective is within 2 % of the smallest one, and covers at least a factor of 1000.
 """
 
 from __future__ import annotations
@@ -33,31 +29,32 @@ _FINER, _ABOUT = 9, (10**0.5, 10**0.125)  # candidates about the best modulus, a
 
 
 class NothingConverged(Exception):
-    """The beam could not be simulated with any law: loads, geometry or measurements contradict each other."""
+    """The beam could not be simulated with any law."""
 
 
 class NothingActs(Exception):
-    """No load bends the specimen in any state, so that the modulus has no effect on the edges."""
+    """No load bends the specimen in any state."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The objective of a fit (the error in mm that the fit minimises) for each of S shear moduli.
+    """The objective of a fit (the error in mm that it minimises) for each of S shear moduli.
 
     Parameters
     ----------
     moduli_Pa : ndarray, shape (S,)
-        The moduli in Pa, in ascending order.
+        The moduli in ascending order.
     objective_mm : ndarray, shape (S,)
-        The objective in mm for each modulus; a very large number if the beam has no equilibrium or the law is unstable.
+        The objective for each modulus.
     """
 
     moduli_Pa: Array
+    # Very large for a modulus without an equilibrium of the beam, or with an unstable law.
     objective_mm: Array
 
     @property
     def best_mm(self) -> float:
-        """The smallest objective in mm of all moduli."""
+        """The smallest objective in mm."""
         return float(self.objective_mm.min())
 
     @property
@@ -67,7 +64,7 @@ class Scan:
 
     @property
     def unmoved_mm(self) -> float:
-        """The objective in mm for the largest modulus, with which the simulated beam hardly bends."""
+        """The objective in mm for the largest modulus, with which the beam hardly bends."""
         return float(self.objective_mm[-1])
 
     def searched(self) -> tuple[float, float]:
@@ -83,24 +80,14 @@ class Scan:
 def scanned(problem: Problem, independent_points: float) -> Scan:
     """Compute the objective (error in mm) of a fit for moduli from very soft to very stiff, two for each factor of 10.
 
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    independent_points : float
-        Number of edge points with independent errors.
-
-    Returns
-    -------
-    Scan
-        The moduli with their objectives.
+    independent_points: number of points with independent errors.
 
     Raises
     ------
     NothingActs
-        If no load bends the specimen.
+        No load bends the specimen.
     NothingConverged
-        If not even the stiffest beam can be simulated.
+        Not even the stiffest beam can be simulated.
     """
     compliance = _compliance(problem)
     softest, stiffest = compliance / _MOST, compliance / _LEAST
@@ -109,7 +96,10 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Return the scan with the objectives of 18 more moduli, near the modulus with the smallest objective so far."""
+    """Refine a scan near its best modulus.
+
+    independent_points: number of points with independent errors.
+    """
     for factor in _ABOUT:
         moduli = np.geomspace(scan.best_Pa / factor, scan.best_Pa * factor, _FINER)
         errors_mm = evaluated(problem, moduli, independent_points).objective_mm
@@ -120,7 +110,7 @@ def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
 
 
 def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
-    """Return the fit ``problem`` with new bounds of the modulus: ``bounds_Pa``, the lower and the upper bound in Pa."""
+    """Return the fit with the bounds ``bounds_Pa`` of the modulus."""
     space = problem.unknowns.space
     low, high = bounds_Pa
     bounded = replace(space, lower=(low, *space.lower[1:]), upper=(high, *space.upper[1:]))
@@ -128,16 +118,17 @@ def within(problem: Problem, bounds_Pa: tuple[float, float]) -> Problem:
 
 
 def evaluated(problem: Problem, moduli_Pa: Array, independent_points: float) -> Evaluation:
-    """Compare simulated beams with the data for S shear moduli in Pa, (S,).
+    """Return the objective and the residuals of a fit for S shear moduli, (S,).
 
-    The other parameters of the law have the values in the middle of their ranges.
+    independent_points: number of points with independent errors.
     """
     unknowns, unit = _candidates(problem, moduli_Pa)
     return replace(problem, unknowns=unknowns).evaluate(unit, independent_points)
 
 
 def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
-    """Return the unknowns of the fit with bounds that contain all moduli, and their values for each modulus."""
+    """Return the unknowns of a fit with bounds that contain all moduli, and their values for each modulus."""
+    # The parameters beside the modulus are in the middle of their ranges.
     unit = np.full((len(moduli_Pa), problem.unknowns.searched), 0.5)
     span = (float(moduli_Pa.min()), 2 * float(moduli_Pa.max()))
     unit[:, 0] = np.log(moduli_Pa / span[0]) / np.log(span[1] / span[0])
@@ -146,10 +137,7 @@ def _candidates(problem: Problem, moduli_Pa: Array) -> tuple[Unknowns, Array]:
 
 
 def _compliance(problem: Problem) -> float:
-    """Return the product of shear modulus (Pa) and largest displacement of a stiff beam, divided by the beam's length.
-
-    This number is the same for all stiff beams of the same shape under the same loads.
-    """
+    """Return the shear modulus (Pa) times the largest displacement of a stiff beam, divided by its length."""
     modulus = _FIRST_PA
     while modulus <= _STIFFEST_PA:
         bent = _bent(problem, modulus)
@@ -166,7 +154,7 @@ def _compliance(problem: Problem) -> float:
 
 
 def _bent(problem: Problem, modulus_Pa: float) -> float:
-    """Return the largest displacement of a beam divided by its length; infinite if a state has no equilibrium."""
+    """Return the largest displacement of a beam divided by its length; infinite without an equilibrium."""
     unknowns, unit = _candidates(problem, np.array([modulus_Pa]))
     bent = 0.0
     for experiment in problem.experiments:

@@ -1,13 +1,8 @@
 """Name a mistake in the loads of a file, such as a reversed field, if no modulus explains the measurement.
 
-The check runs before the search. For many moduli it computes the distance of simulated from measured edges, and takes
-the smallest distance. A wrong load gives a large ratio of this distance to the distance for an unbent beam.
-
-1. If the ratio for all datasets together is at most 0.04, the check ends.
-2. Otherwise the ratio is computed for each dataset alone. If it exceeds 0.04, the computation is repeated with
-   corrected loads, once for each usual mistake, such as a reversed field or a current in milliampere.
-3. A mistake is named if the corrected loads reduce the smallest distance to less than 0.4 of its value. If the ratio
-   without the correction exceeds 0.2, no law is fitted. Otherwise the result of the fit has a warning.
+The smallest distance of simulated from measured edges over many moduli is divided by the distance for an unbent beam.
+If this ratio exceeds 0.04 for a dataset, the loads are corrected, once for each usual mistake. A mistake is named if
+the correction reduces the distance to less than 0.4 of its value. No law is fitted if the ratio exceeds 0.2.
 """
 
 from __future__ import annotations
@@ -48,16 +43,16 @@ Slip = Literal[
 
 @dataclass(frozen=True)
 class Cause:
-    """A mistake in the loads of a file, such as a reversed field, that is recognised before the fit.
+    """A usual mistake in the loads of a file, such as a reversed field.
 
     Parameters
     ----------
     slip : str
-        Key of the mistake, such as "field_reversed".
+        Key of the mistake.
     words : str
-        Name of the mistake for people.
+        Name of the mistake.
     loads : callable
-        Function that takes the loads of the file and returns the loads without the mistake.
+        Corrects the loads of the file.
     """
 
     slip: Slip
@@ -66,17 +61,16 @@ class Cause:
 
 
 class NamedCause(Exception):
-    """The exception for a mistake in the loads of a dataset that explains why no material fits the measurement.
+    """A mistake in the loads of a dataset explains why no material fits the measurement.
 
     Parameters
     ----------
     experiment : int
-        Index of the dataset, counted from 0.
+        Index of the dataset.
     slip : str
-        Key of the mistake, such as "field_reversed".
+        Key of the mistake.
     error_mm, error_without_mm : float
-        Mean distance in mm of measured points from simulated edges, for the modulus with the smallest distance: with
-        the loads of the file (``error_mm``) and with the corrected loads (``error_without_mm``).
+        Smallest mean distance of measured points from simulated edges, with the mistake and without it.
     """
 
     def __init__(self, experiment: int, slip: Slip, error_mm: float, error_without_mm: float) -> None:
@@ -89,7 +83,7 @@ class NamedCause(Exception):
 
     @property
     def words(self) -> str:
-        """The mistake in the loads that explains the large error, such as "a field in the opposite direction"."""
+        """The mistake in the loads, such as "a field in the opposite direction"."""
         return next(cause.words for cause in CAUSES if cause.slip == self.slip)
 
     def __reduce__(self) -> tuple[type[NamedCause], tuple[int, Slip, float, float]]:
@@ -98,7 +92,7 @@ class NamedCause(Exception):
 
 
 def _gravity_turned(loads: Loads) -> Loads:
-    """Return the loads with gravity reversed; tip forces that act along gravity are reversed too."""
+    """Return the loads with gravity, and tip forces along gravity, reversed."""
     across = loads.gravity[:, 0] * loads.tip_force_N[:, 1] - loads.gravity[:, 1] * loads.tip_force_N[:, 0]
     along = np.abs(across) <= 1e-9 * np.linalg.norm(loads.gravity, axis=1) * np.linalg.norm(loads.tip_force_N, axis=1)
     force = np.where(along[:, None], -loads.tip_force_N, loads.tip_force_N)
@@ -133,29 +127,17 @@ CAUSES = (
 
 
 def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> tuple[NamedCause, ...]:
-    """Return probable mistakes in the loads of the files, such as a reversed field; raise one that prevents a fit.
+    """Return probable mistakes in the loads of the files, at most one for each dataset.
 
-    Parameters
-    ----------
-    problem : Problem
-        The law, the unknowns and the measurements of the fit.
-    scan : Scan
-        The distance of simulated from measured edges, for many moduli and all datasets together.
-    independent_points : float
-        Number of edge points with independent errors.
-
-    Returns
-    -------
-    tuple of NamedCause
-        The mistakes for which a warning is sufficient: at most one for each dataset, and none if the loads of the files
-        explain the measurement.
+    scan: the objective of the fit for many moduli. independent_points: number of points with independent errors.
 
     Raises
     ------
     NamedCause
-        If the measured edges contradict the loads of a file for every modulus, and a mistake explains this.
+        A mistake explains why no modulus fits the measured edges.
     """
     causes: list[NamedCause] = []
+    # The loads explain all datasets together.
     if scan.best_mm <= _SUSPECT * scan.unmoved_mm:
         return ()
     for index, experiment in enumerate(problem.experiments):
@@ -168,18 +150,20 @@ def doubtful_loads(problem: Problem, scan: Scan, independent_points: float) -> t
         best = int(np.argmin(corrected_mm))
         if corrected_mm[best] < _EXPLAINS * stated_mm:
             causes.append(NamedCause(index, CAUSES[best].slip, stated_mm, corrected_mm[best]))
+            # Otherwise the result of the fit gets a warning.
             if stated_mm > _HOPELESS * scan_alone.unmoved_mm:
                 raise causes[-1]
     return tuple(causes)
 
 
 def _error_without(alone: Problem, cause: Cause, independent_points: float) -> float:
-    """Return the smallest distance (mm) of simulated from measured edges over all moduli, with corrected loads.
+    """Return the smallest error (mm) of a fit of one dataset over all moduli, without a mistake in its loads.
 
-    cause: the mistake that is corrected. The result is infinite if the dataset has no load that the mistake concerns.
+    independent_points: number of points with independent errors.
     """
     (experiment,) = alone.experiments
     loads = cause.loads(experiment.loads)
+    # The dataset has no load that the mistake concerns.
     if all(np.array_equal(loads.state(k), experiment.loads.state(k)) for k in range(len(loads))):
         return np.inf
     changed = replace(alone, experiments=(replace(experiment, loads=loads),))

@@ -1,18 +1,15 @@
 """Improve the result of a global search by Gauss-Newton (iteratively reweighted least squares).
 
-Load state k has N_k residuals r_ki in mm, which form the vector r_k. Up to a constant factor, the objective is
+Load state k has N_k residuals r_ki in mm. The objective is proportional to
 
-    f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k)
+    f = sum_k e_k,    e_k = sqrt(sum_i r_ki^2 / N_k).
 
-The matrices J_k = dr_k/dx are derivatives by the unknowns x, which are scaled so that their bounds are 0 and 1. The
-gradient g of f equals the gradient of a least-squares sum with the weights w_k = 1 / (N_k e_k), whose approximate
-Hessian is H:
+With the derivatives J_k of r_k by the unknowns and the weights w_k = 1 / (N_k e_k), its gradient and approximate
+Hessian are (Holland and Welsch 1977, Commun. Statist. A 6:813)
 
-    g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k
+    g = sum_k w_k J_k' r_k,    H = sum_k w_k J_k' J_k.
 
-(Holland and Welsch 1977, Commun. Statist. A 6:813). Each step d minimises g' d + d' (H + lambda I) d / 2 within the
-bounds. The weights are computed again at each step. The small damping lambda prevents steps in directions that the data
-do not determine. A step is accepted only if it lowers the objective.
+Each step d minimises g' d + d' (H + lambda I) d / 2 within the bounds, with a small damping lambda.
 """
 
 from __future__ import annotations
@@ -40,15 +37,15 @@ ENOUGH = 1e-4  # the last step lowers the objective by less than this share
 
 
 class Evaluation(Protocol):
-    """The objective and the residuals of a fit for P sets of values of the unknowns."""
+    """The objective and the residuals of a fit at P points."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of the fit for each of P sets of values of the unknowns, (P,) in mm."""
+        """The objective at each of P points, (P,)."""
 
     @property
     def misfits(self) -> tuple[Misfit, ...]:
-        """The residuals for P sets of values of the unknowns, one element for each experiment."""
+        """The residuals at P points, one element for each experiment."""
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -56,14 +53,14 @@ E = TypeVar("E", bound=Evaluation)
 
 @dataclass(frozen=True)
 class Polish:
-    """The improvement of a fit by Gauss-Newton: number of steps, and objective before and after them.
+    """The improvement of a fit by Gauss-Newton.
 
     Parameters
     ----------
     mean_error_before_mm, mean_error_after_mm : float
-        Objective before and after the steps in mm.
+        Objective at the start and at the end.
     steps : int
-        Number of accepted Gauss-Newton steps.
+        Number of accepted steps.
     """
 
     mean_error_before_mm: float
@@ -78,10 +75,9 @@ class Optimum(Generic[E]):
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        Values of the n unknowns at the optimum, from 0 to 1 between their bounds.
+        The n unknowns at the optimum, from 0 to 1 between their bounds.
     evaluation : Evaluation
-        The residuals at 2 n + 1 points: the optimum, then n points with one value increased, then n points with one
-        value decreased.
+        The residuals at the 2 n + 1 points of `difference_batch`.
     distance : ndarray, shape (n,)
         Difference between the increased and the decreased value of each unknown.
     polish : Polish
@@ -95,20 +91,10 @@ class Optimum(Generic[E]):
 
 
 def difference_batch(unit: Array) -> tuple[Array, Array]:
-    """Return the points at which a function is computed for its derivatives by central differences at a point.
+    """Return the points for central differences at ``unit``, (2 n + 1, n), and their distances, (n,).
 
-    Parameters
-    ----------
-    unit : ndarray, shape (n,)
-        The point at which the derivatives are needed, with n coordinates from 0 to 1.
-
-    Returns
-    -------
-    batch : ndarray, shape (2 n + 1, n)
-        One point in each row: ``unit``, then n points with one coordinate increased, then n points with one coordinate
-        decreased. All coordinates are from 0 to 1.
-    distance : ndarray, shape (n,)
-        Difference between the increased and the decreased value of each coordinate.
+    The first row is ``unit``. One coordinate is increased in each of the n rows after it, and decreased in each of the
+    last n rows.
     """
     n = len(unit)
     step = np.full(n, 1e-2)
@@ -131,20 +117,13 @@ def polish(
     Parameters
     ----------
     evaluate : callable
-        Takes the n coordinates of P points, (P, n), and an earlier evaluation near these points or None. Returns the
-        objective and the residuals at the P points.
+        Takes P points, (P, n), and an evaluation near them or None. Returns the objective and the residuals.
     unit : ndarray, shape (n,)
-        The start: values of the n unknowns from 0 to 1 between their bounds.
+        The start, from 0 to 1 between the bounds.
     start : (Evaluation, ndarray), optional
-        The residuals at the start and at its neighbours for central differences, and the distance between the two
-        neighbours in each coordinate, (n,). Computed by default.
+        The residuals at the start and its neighbours, and the distances between the neighbours, (n,).
     enough : float
-        The run ends when a step lowers the objective by less than this fraction.
-
-    Returns
-    -------
-    Optimum
-        The optimum after at most `MOST_STEPS` steps.
+        Fraction of the objective. The run ends when a step lowers the objective by less.
     """
     here, distance = start or _about(evaluate, unit, None)
     before = best = float(here.objective_mm[0])
@@ -173,14 +152,15 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step, (n,), from the point ``unit``; its end has coordinates from 0 to 1."""
+    """Return a damped Gauss-Newton step from ``unit``, (n,); distance: of the central differences, (n,)."""
     gradient, hessian = _normal_equations(here.misfits, distance)
+    # The end of the step has coordinates from 0 to 1.
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
     return step_to_minimum(unit, gradient, hessian + damping * np.eye(len(unit)))
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return the gradient (n,) and the approximate Hessian (n, n) of the objective of a fit in the n unknowns."""
+    """Return gradient, (n,), and approximate Hessian, (n, n); distance: of the central differences, (n,)."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:

@@ -1,19 +1,9 @@
 """Minimise a function of n variables, each from 0 to 1, by CMA-ES (a random search with a normal distribution).
 
 Each generation draws P points u = m + sigma N(0, C). The order of their objectives adapts the mean m, the step size
-sigma and the covariance C (Hansen, arXiv:1604.00772; implementation: the package cma). The package keeps each
-coordinate of the points within 0..1. A search may consist of several runs:
-
-- IPOP: the number P of points doubles from run to run (Auger and Hansen 2005, IEEE CEC, p. 1769).
-- BIPOP: each run of IPOP is followed by additional runs with a small P and a small first step. All additional runs cost
-  as many evaluations as the runs of IPOP (Hansen 2009, "Benchmarking a BI-population CMA-ES on the BBOB-2009 function
-  testbed", GECCO, section 2).
-
-Population sizes and stopping rules were chosen for this project. A run stops if the objectives of a whole generation
-lie within ``enough_mm`` of each other, or by a criterion of the package.
-
-The seed and the objectives alone determine the points: the same objectives give the same points, bit for bit. `search`
-can therefore repeat the first generations of an interrupted search from their objectives.
+sigma and the covariance C (Hansen, arXiv:1604.00772). In IPOP, P doubles from run to run (Auger and Hansen 2005, IEEE
+CEC, p. 1769). BIPOP adds runs with a small P and a small first step (Hansen 2009, "Benchmarking a BI-population CMA-ES
+on the BBOB-2009 function testbed", GECCO, section 2).
 """
 
 from __future__ import annotations
@@ -38,19 +28,19 @@ _MODULUS = 0.3  # share of that step in the first coordinate, the modulus, which
 
 
 class Values(Protocol):
-    """The objectives of P points of a search, and the reasons why some points are not valid."""
+    """The objectives of P points of a search, and whether the points are valid."""
 
     @property
     def objective_mm(self) -> Array:
-        """The objective of each of P points, (P,) in mm; a very large number if a point is not valid."""
+        """The objective of each of P points, (P,); very large if a point is not valid."""
 
     @property
     def unconverged(self) -> NDArray[np.bool_]:
-        """Whether the beam has no equilibrium in at least one load state, for each of P points of the search, (P,)."""
+        """Whether the beam has no equilibrium in a load state, for each of P points, (P,)."""
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whether the material law is unstable in at least one load state, for each of P points of the search, (P,)."""
+        """Whether the material law is unstable in a load state, for each of P points, (P,)."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +50,9 @@ class Objectives:
     Parameters
     ----------
     objective_mm : tuple of float
-        The P objectives in mm.
+        The P objectives.
     unconverged, unstable : int
-        Number of points without an equilibrium of the beam, and number of points with an unstable material law.
+        Number of points without an equilibrium, and with an unstable law.
     """
 
     objective_mm: tuple[float, ...]
@@ -77,17 +67,17 @@ class Generation:
     Parameters
     ----------
     run : int
-        Index of the run of CMA-ES, counted from 1.
+        Number of the run, from 1.
     best_mm : float
-        Smallest objective of all generations so far, in mm.
+        Smallest objective so far.
     mean_mm : float
-        Mean objective of the valid points of this generation, in mm.
+        Mean objective of the valid points.
     step_size : float
-        Step size sigma of CMA-ES; each coordinate of a point has the range from 0 to 1.
+        Step size sigma of CMA-ES.
     axis_ratio : float
-        Length of the longest axis of the normal distribution of the points, divided by the length of the shortest axis.
+        Longest over shortest axis of the normal distribution.
     discarded : int
-        Number of points in this generation that are not valid.
+        Number of points that are not valid.
     """
 
     run: int
@@ -107,14 +97,13 @@ class Run:
     population : int
         Number of points in a generation.
     step_size : float
-        First step size sigma of CMA-ES; each coordinate of a point has the range from 0 to 1.
+        First step size sigma.
     generations : int
         Number of generations.
     best_mm : float
-        Smallest objective of the run, in mm.
+        Smallest objective.
     stop : str
-        Reason why the run stopped: "population" if the objectives of a generation were close, or the names of stopping
-        criteria of the package cma.
+        Reason why the run stopped.
     """
 
     population: int
@@ -126,7 +115,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Discards:
-    """Number of points of a search without an equilibrium, and number of points with an unstable material law."""
+    """Number of points of a search without an equilibrium, and with an unstable material law."""
 
     unconverged: int
     unstable: int
@@ -139,9 +128,9 @@ class SearchResult:
     Parameters
     ----------
     unit : ndarray, shape (n,)
-        The n coordinates of the point, from 0 to 1.
+        Coordinates of the point, from 0 to 1.
     objective_mm : float
-        Objective of the point in mm.
+        Objective of the point.
     history : tuple of Generation
         All generations.
     runs : tuple of Run
@@ -149,7 +138,7 @@ class SearchResult:
     evaluations : int
         Number of points in all generations.
     discarded : Discards
-        Number of points that are not valid, for each reason.
+        Number of points that are not valid.
     """
 
     unit: Array
@@ -161,7 +150,7 @@ class SearchResult:
 
     @property
     def stop(self) -> str:
-        """The reasons why the runs of the search stopped, in the order of the runs."""
+        """The reasons why the runs of the search stopped."""
         return "; ".join(run.stop for run in self.runs)
 
 
@@ -187,7 +176,7 @@ def search(
     Parameters
     ----------
     objective : callable
-        The function. It takes the coordinates of the P points of a generation, (P, n), and returns their objectives.
+        Takes the coordinates of P points, (P, n), and returns their objectives.
     n : int
         Number of variables.
     seed : int
@@ -197,18 +186,15 @@ def search(
     most_generations : int
         Largest number of generations of one run.
     restarts : int
-        Number of runs after the first. Each of them starts from a random point with twice the population of the
-        previous run.
+        Number of runs after the first. The population doubles from run to run.
     bipop : bool
-        Whether each of these further runs is followed by runs with small populations.
+        Whether runs with small populations follow each restart.
     enough_mm : float
-        A run stops if the objectives of a whole generation differ by less than this length in mm.
+        A run stops if the objectives of a whole generation differ by less.
     replay : sequence of Objectives
-        Objectives of the first generations of an earlier search with the same arguments. These generations are not
-        evaluated again.
+        Objectives of the first generations of an interrupted search, which are not computed again.
     progress : callable, optional
-        Function that is called after each generation, also after a replayed generation, with the generation and its
-        objectives.
+        Called after each generation with the generation and its objectives.
 
     Returns
     -------
@@ -218,7 +204,7 @@ def search(
     Raises
     ------
     OtherSearch
-        If a generation of ``replay`` has another number of points than the generation of this search.
+        ``replay`` belongs to another search.
     """
     rng = np.random.default_rng(seed)
     log = _Log(n, replay, progress)
@@ -230,6 +216,7 @@ def search(
         reasons: list[str] = []
         while not reasons:
             candidates = np.clip(np.array(strategy.ask()), 0.0, 1.0)
+            # The seed and the objectives determine the points bit for bit, so that stored generations can be repeated.
             objectives = log.replayed(len(candidates)) or _evaluated(objective, candidates[:, :n])
             values.append(np.array(objectives.objective_mm))
             strategy.tell(list(candidates), values[-1].tolist())
@@ -246,13 +233,13 @@ def _evaluated(objective: Callable[[Array], Values], candidates: Array) -> Objec
 
 
 def _reason_of_population(values: Array, enough_mm: float) -> list[str]:
-    """Return ["population"] if all objectives of a generation are valid and nearly equal, else an empty list."""
+    """Return a reason to stop if the objectives (mm) of a generation differ by less than ``enough_mm``."""
     is_close = bool((values < DISCARDED_MM).all()) and np.ptp(values) < enough_mm
     return ["population"] if is_close else []
 
 
 class _Log:
-    """The history of a search, and the stored objectives of an interrupted search, which are not computed again."""
+    """The history of a search, and the stored objectives of an interrupted search."""
 
     def __init__(
         self,
@@ -267,11 +254,7 @@ class _Log:
         self._objectives: list[Objectives] = []
 
     def replayed(self, candidates: int) -> Objectives | None:
-        """Return the stored objectives of the next generation of the search; None if no further generation is stored.
-
-        candidates: the number of points of the generation. If it differs from the number of stored objectives, raise
-        OtherSearch.
-        """
+        """Return the stored objectives of the next generation, or None; raise OtherSearch if their number is wrong."""
         if len(self.history) >= len(self._replay):
             return None
         objectives = self._replay[len(self.history)]
@@ -283,7 +266,7 @@ class _Log:
         return objectives
 
     def add(self, strategy: CMAEvolutionStrategy, candidates: Array, objectives: Objectives) -> None:
-        """Add one generation of points to the history, and report it to the caller's function ``progress``."""
+        """Add one generation of points to the history, and report it to the function ``progress``."""
         values = np.array(objectives.objective_mm)
         if values.min() < self._best:
             self._best, self._best_unit = float(values.min()), candidates[np.argmin(values), : self._n]
@@ -303,7 +286,7 @@ class _Log:
             self._progress(self.history[-1], objectives)
 
     def result(self) -> SearchResult:
-        """Return the point with the smallest objective so far, with the history of the search."""
+        """Return the point with the smallest objective so far, and the history of the search."""
         return SearchResult(
             unit=self._best_unit,
             objective_mm=self._best,
@@ -344,18 +327,17 @@ def _strategy(
 def _runs(
     rng: np.random.Generator, population: int, restarts: int, bipop: bool, done: Sequence[Run]
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield, for each run: first step size, number of points in a generation, and largest number of generations.
-
-    The caller appends each finished run to ``done``.
-    """
+    """Yield, for each run: first step size, number of points in a generation, and largest number of generations."""
     unlimited = sys.maxsize
     yield _FIRST_STEP, population, unlimited
     large = 0  # evaluations of runs with a large population; the first run counts as a small one
     for k in range(1, restarts + 1):
+        # The caller appends each finished run to ``done``.
         before = _evaluations(done)
         yield _FIRST_STEP, population * 2**k, unlimited
         last_large = _evaluations(done) - before
         large += last_large
+        # All runs with small populations cost about as many evaluations as the restarts.
         while bipop and _evaluations(done) - large < large:
             few = int(population * (0.5 * 2**k) ** (rng.uniform() ** 2))
             yield _FIRST_STEP * 10 ** (-2 * rng.uniform()), few, max(last_large // 2 // few, 1)
