@@ -66,7 +66,7 @@ class SearchEnd:
     estimate : Estimate
         The unknowns with their intervals.
     prior_distances : tuple of float
-        Distance of each prior's mean from the value of all other data, in standard deviations.
+        Distance of each prior's mean from the value that all other data give, in standard deviations.
     not_considered : tuple of str
         One sentence for each uncertain input that the intervals do not contain.
     """
@@ -114,7 +114,7 @@ def refine(problem: Problem, unit: Array, seed: int) -> SearchEnd:
 
 
 def _valid(problem: Problem, unit: Array) -> Array:
-    """Return a point near ``unit``, (n,), at which the beam has a stable equilibrium, or ``unit`` if none is found."""
+    """Return values near ``unit`` of the n unknowns, (n,), for which the beam is stable, or ``unit``."""
     # The search used a coarse mesh. A finer mesh has larger stretches, at which the law may be unstable. All unknowns
     # but the first, the modulus, are moved toward the middle of their ranges.
     toward = np.full(len(unit), 0.5)
@@ -129,7 +129,7 @@ def _valid(problem: Problem, unit: Array) -> Array:
 def _polished(
     problem: Problem, unit: Array, start: tuple[Evaluation, Array] | None = None, enough: float = ENOUGH
 ) -> Optimum[Evaluation]:
-    """Return the optimum of a fit, found by Gauss-Newton from the point ``unit``, (n,)."""
+    """Return the optimum of a fit by Gauss-Newton, starting from the values ``unit`` of the n unknowns, (n,)."""
     if not problem.has_more_than_edges:
         return polish(problem.nearby(1.0), unit, start, enough)
     # The weight of curves and priors depends on the number of independent points, which follows from the residuals at
@@ -150,7 +150,7 @@ def _polished(
 def _with_finer_meshes(
     problem: Problem, coarse: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...], Array]:
-    """Fit with two successively finer meshes; return fit, optimum, changes, and the largest stretch, (1,)."""
+    """Fit with two successively finer meshes; return fit, optimum, its changes, and the largest stretch, (1,)."""
     plain = _alone(problem, optimum.unit, problem.experiments, keep=True)
     # A beam without an equilibrium on a finer mesh is not corrected.
     if plain.unconverged[0]:
@@ -168,7 +168,7 @@ def _with_finer_meshes(
 def _with_residuals_of(
     better: Comparison, now: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation]]:
-    """Replace the residuals of a fit by those in ``better``; return the fit and its optimum."""
+    """Replace the residuals of a fit by those of a finer mesh; return the fit and its optimum."""
     experiments = with_residuals_of(better, now.experiments, optimum.evaluation.comparison)
     return _with_change(replace(now, experiments=experiments), now, optimum)
 
@@ -176,7 +176,7 @@ def _with_residuals_of(
 def _with_solids(
     problem: Problem, optimum: Optimum[Evaluation]
 ) -> tuple[Problem, Optimum[Evaluation], tuple[Effect, ...]]:
-    """Correct the residuals by three-dimensional models; return the fit, its optimum, and the changes."""
+    """Correct the residuals by three-dimensional models; return the fit, its optimum, and its changes."""
     # The solid comes first. The optimum of the planar model alone compensates for the depth by a wrong law, and the
     # finer mesh may find no equilibrium for such a law.
     plain = problem.experiments
@@ -191,7 +191,7 @@ def _with_solids(
 
 
 def _with_depth(problem: Problem, optimum: Optimum[Evaluation]) -> tuple[Problem, Optimum[Evaluation], list[Effect]]:
-    """Correct the residuals by a three-dimensional model, up to three times; return fit, optimum and changes."""
+    """Correct the residuals by a three-dimensional model, up to three times; return fit, optimum and its change."""
     corrected, first, solid = problem, optimum.unit, None
     moved = np.inf
     for passes in range(_MOST_PASSES):
@@ -238,7 +238,7 @@ def _change(
 def _alone(
     problem: Problem, unit: Array, experiments: Sequence[Experiment], near: Sequence[Shapes] = (), keep: bool = False
 ) -> Comparison:
-    """Simulate the beam at the point ``unit``, (n,), and compare it with the measurements."""
+    """Simulate the beam for the values ``unit`` of the unknowns, (n,), and compare it with the measurements."""
     # Other rounding errors, as in a simulation of several sets, would disturb the small differences between two beam
     # models.
     return problem.evaluate(unit[None], 1.0, experiments, near, keep).comparison

@@ -45,7 +45,7 @@ class Signals:
     reduced : ndarray, shape (n, r)
         The r independent signals, with noise of about unit variance.
     patterns : ndarray, shape (r, c)
-        Each channel, divided by its noise, as a combination of the signals.
+        Weights of the signals in each channel, divided by the noise of the channel.
     filled : float
         Fraction of the coordinates that were missing or outliers.
     """
@@ -143,7 +143,7 @@ def _frame_times(motion: Motion) -> Array:
 
 
 def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Fill the gaps (NaN) and replace the outliers of c channels, (n, c); return what was replaced, too, (n, c)."""
+    """Fill the gaps (NaN) and replace the outliers of c channels, (n, c); return the result and what was replaced."""
     missing = ~np.isfinite(values)
     time = np.arange(len(values))
     start = values.copy()

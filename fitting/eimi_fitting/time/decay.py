@@ -177,7 +177,7 @@ def _fitted(part: Signals, frequency: float, hangs: bool) -> tuple[ModalFit, tup
     if not hangs:
         whole = with_more_modes(fitted)
         bent = ModalFit.of(whole.signals, whole.modes, True)
-        if whole.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2 and bent.is_mildly_bent:
+        if whole.chi2 - bent.chi2 > SIGNIFICANT * bent.noise**2 and len(windows) > 2 and bent.changes_little:
             whole = bent
         if used == every or whole.noise < OVER_NOISE:
             return whole, windows, every
@@ -258,7 +258,10 @@ def _first_frequency(signals: Signals, label: str) -> float:
 
 
 def _lasting(values: Array, size: int) -> Array:
-    """Return 1 for each frequency at which the power of r signals, (n, r), hardly decreases in time, else 0."""
+    """Return 1 for each frequency at which the power hardly decreases during the recording, else 0.
+
+    values: r signals in n frames, (n, r). size: length of the Fourier transform.
+    """
     half = len(values) // 2
     taper = np.hanning(half)[:, None]
     early, late = (
@@ -277,7 +280,7 @@ def _uniform(signals: Signals) -> tuple[Array, Array]:
 
 
 def _envelope(signals: Signals, frequency: float) -> tuple[Array, Array]:
-    """Return times in s, and the amplitudes in mm of a vibration at these times, (n,) each, where the beam moves most."""
+    """Return times in s and amplitudes of a vibration in mm, (n,) each, where the beam moves most."""
     uniform, values = _uniform(signals)
     values = values - np.polynomial.polynomial.polyval(uniform, np.polynomial.polynomial.polyfit(uniform, values, 1)).T
     n = len(uniform)
@@ -330,7 +333,10 @@ def _segment(
 
 
 def _rises_abruptly(size: Array, at: int, period: float) -> bool:
-    """Return whether the amplitude ``size``, (n,), rises so fast at the frame ``at`` that something pushed the beam."""
+    """Return whether the amplitude rises so fast at the frame ``at`` that something pushed the beam.
+
+    size: the amplitude in n frames, (n,). period: the period in frames.
+    """
     peak = at + int(np.argmax(size[at : at + round(3 * period) + 1]))
     low = np.flatnonzero(size[:peak] < size[peak] / 3)
     return bool(len(low)) and peak - int(low[-1]) <= 1.5 * period

@@ -38,7 +38,7 @@ _SAG_ERROR = 0.02  # relative error of the modulus at rest, from the mesh and th
 
 
 class Evidence(Protocol):
-    """Measurements with k residuals, such as one ring-down (a free vibration), to which a viscoelastic law is fitted."""
+    """Measurements, such as one ring-down (a free vibration), to which a viscoelastic law is fitted."""
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
         """Return the k residuals of P candidate laws, (P, k).
@@ -107,7 +107,10 @@ class RingEvidence:
         return RingEvidence(table, decay, tuple(modes), age_s=age_s)
 
     def residuals(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the residuals of ln(frequency) and loss factor of all modes for P candidate laws, (P, k)."""
+        """Return the residuals of ln(frequency) and loss factor of all modes for P candidate laws, (P, k).
+
+        load_log: logarithms of the factors on the magnetic loads, (P,).
+        """
         at_rest = instantaneous_Pa / series.creep(self.age_s)
         relative = (instantaneous_Pa / at_rest)[:, None]
         count = max(number for number, _ in self.modes) + 1
@@ -268,7 +271,7 @@ class RestEvidence:
 
 
 def with_scatter(rings: Sequence[RingEvidence]) -> tuple[RingEvidence, ...]:
-    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter under equal loads."""
+    """Increase the uncertainties of ring-downs (free vibrations) to agree with the scatter of repeated ring-downs."""
     widened = []
     for ring in rings:
         alike = [other for other in rings if other.table is ring.table]

@@ -307,7 +307,10 @@ def _creeps(
     shape: Array,
     middle_Pa: float,
 ) -> tuple[CreepEvidence, ...]:
-    """Return the measured rotations of the tip (creep) in at most six recordings with a step of the load."""
+    """Return the measured rotations of the tip (creep) in at most six recordings with a step of the load.
+
+    shape: the parameters of the law, (n,). middle_Pa: a typical shear modulus.
+    """
     evidence = []
     for recorded, decay in analysed:
         if not recorded.is_stepped:

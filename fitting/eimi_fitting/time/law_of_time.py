@@ -94,14 +94,20 @@ class Problem:
         return np.append(self.terms.sigma, self.load_sigma)
 
     def rows(self, unknowns: Array) -> Array:
-        """Return the k residuals of the data for the m unknowns of P candidate laws, (P, m), as an array (P, k)."""
+        """Return the k residuals of the data for P candidate laws, (P, k).
+
+        unknowns: the m unknowns of each law, (P, m).
+        """
         instantaneous, series = self.terms.split(unknowns[:, :-1])
         with np.errstate(all="ignore"):
             rows = [one.residuals(instantaneous, series, unknowns[:, -1]) for one in self.evidence]
         return np.concatenate(rows, axis=1)
 
     def residuals(self, unknowns: Array) -> Array:
-        """Return k residuals of the data and m of the priors for P candidate laws, (P, k + m)."""
+        """Return k residuals of the data and m of the priors for P candidate laws, (P, k + m).
+
+        unknowns: the m unknowns of each law, (P, m).
+        """
         return np.concatenate([self.rows(unknowns), (unknowns - self.mean) / self.sigma], axis=1)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
@@ -113,7 +119,10 @@ class Problem:
         return {key: np.concatenate([part[key] for part in parts], axis=1) for key in sources}
 
     def chi(self, unknowns: Array) -> Array:
-        """Return the root of the sum of the squared residuals for P candidate laws, (P,)."""
+        """Return the root of the sum of the squared residuals for P candidate laws, (P,).
+
+        unknowns: the m unknowns of each law, (P, m).
+        """
         residuals = self.residuals(unknowns)
         total = np.sqrt((residuals**2).sum(axis=1))
         return np.where(np.isfinite(total), total, np.inf)
@@ -187,7 +196,10 @@ class TimeOptimum:
 
 
 def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None) -> TimeOptimum:
-    """Return the optimum of the fit of a viscoelastic law: the best of least-squares fits from several starts."""
+    """Return the optimum of the fit of a viscoelastic law: the best of least-squares fits from several starts.
+
+    fewer: the optimum with one term fewer in the Prony series.
+    """
     starts, evaluations = [problem.mean], 0
     # Some of the fits start from the optimum with one term fewer.
     if fewer is not None:
@@ -267,7 +279,7 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return moduli, loss factors and load factors of P laws, (P, f), as which the residuals change almost linearly."""
+    """Return ln(modulus) at several times and at ``omegas`` (rad/s), loss factors, and ln(load factor), (P, f)."""
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)
@@ -285,8 +297,8 @@ def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
 def drawn(optimum: TimeOptimum, steps: Mapping[str, Array], seed: int, omegas: Array, of_sources: bool = True) -> Array:
     """Return D random draws of the m unknowns from their posterior distribution, (D, m).
 
-    steps: the changes of the unknowns by each uncertain input, (components, m). of_sources: whether the draws contain
-    these changes.
+    steps: the changes of the unknowns by each uncertain input, (components, m). omegas: angular frequencies of the data
+    in rad/s. of_sources: whether the draws contain the errors of the inputs.
     """
     problem, at = optimum.problem, optimum.unknowns
     rng = np.random.default_rng(seed)

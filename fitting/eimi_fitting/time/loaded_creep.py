@@ -37,7 +37,7 @@ class LoadCurve:
     rotation : ndarray, shape (m,)
         Increasing rotations in rad.
     moment : ndarray, shape (m,)
-        Moment at each rotation, divided by a constant of the beam, in Pa rad.
+        Moment at each rotation, divided by a constant of the beam in m³, in Pa rad.
     of_field : ndarray, shape (m,)
         Part of ``moment`` that is proportional to the magnetic field.
     """
@@ -63,7 +63,10 @@ class LoadCurve:
 
     @staticmethod
     def of_gravity(stiffness_Pa: float) -> LoadCurve:
-        """Return the moment of gravity as a function of the rotation of the tip, without a magnetic field."""
+        """Return the moment of gravity as a function of the rotation of the tip, without a magnetic field.
+
+        The moment is -``stiffness_Pa`` times the rotation.
+        """
         # Gravity acts like a spring.
         ends = np.array([-3.0, 3.0])
         return LoadCurve(ends, -stiffness_Pa * ends, 0 * ends)
@@ -246,7 +249,7 @@ def _plan(steps: tuple[LoadStep, ...], times_s: Array) -> _Plan:
 
 
 def _ends_of_steps(first: float, last: float, wanted: Array, is_last: bool) -> list[float]:
-    """Return the times in s at the ends of the integration steps between two changes of the load."""
+    """Return the ends of the integration steps (s) between changes of the load at ``first`` and ``last``."""
     decades = max(np.log10((last - first) / _FIRST_STEP_S), 0.1)
     per_decade = _STEPS_PER_DECADE if is_last else _EARLIER_STEPS_PER_DECADE
     regular = first + np.geomspace(_FIRST_STEP_S, last - first, int(np.ceil(decades * per_decade)) + 1)

@@ -5,12 +5,12 @@ Each signal is a sum of damped vibrations and a slow baseline,
     z(t) = sum_k Re(a_k exp(psi_k(t))) + baseline(t),
 
 with the time t since the first frame, complex amplitudes a_k, and psi_k = (i omega - delta) t with the angular
-frequency omega and the decay rate delta of mode k. The first mode also changes with the square of its amplitude,
+frequency omega and the decay rate delta. The first mode changes with the square of its amplitude,
 
     psi_1(t) = (i omega - delta) t + (i kappa_1 - kappa_2) omega E(t),    E(t) = (1 - exp(-2 delta t)) / (2 delta).
 
-Signals are linear in the a_k and the baseline, which are eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal.
-10:413).
+At t = 0 its frequency is higher by the fraction kappa_1, and its loss factor 2 delta / omega by 2 kappa_2. The a_k and
+the baseline are eliminated (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10:413).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ModalFit:
     chi2 : float
         Sum of the squared residuals.
     noise : float
-        Standard deviation of ``residuals``, of all or near the first frequency.
+        Standard deviation of ``residuals`` (near the first frequency, if it is larger there).
     covariance : ndarray
         Covariance of ``modes`` and ``bend``.
     residuals : ndarray, shape (n, r)
@@ -144,12 +144,12 @@ class ModalFit:
         return sum(sizes) > _CANCELLING * float(np.abs(sum(parts)).max())
 
     @property
-    def is_mildly_bent(self) -> bool:
-        """Whether frequency and loss factor of the first mode depend little on the amplitude."""
+    def changes_little(self) -> bool:
+        """Whether frequency and loss factor of the first mode change little with the amplitude."""
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Move the largest vibration of about the first frequency to the first place."""
+        """Return the fit with the largest vibration of about the first frequency in the first place."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -204,8 +204,7 @@ def with_more_modes(fitted: ModalFit) -> ModalFit:
 def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
     """Return the complex exponent psi of a damped vibration Re(a exp(psi)) at n times, (n,).
 
-    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: kappa_1 and kappa_2 of the module's equations,
-    (2,), or empty if both are 0.
+    mode: ln(angular frequency in rad/s) and loss factor, (2,). bend: as in `ModalFit`, or empty.
     """
     omega, loss = np.exp(mode[0]), mode[1]
     delta = 0.5 * loss * omega
@@ -219,8 +218,7 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: kappa_1 and kappa_2 of the
-    module's equations, (2,), or empty if both are 0.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: as in `ModalFit`, or empty.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

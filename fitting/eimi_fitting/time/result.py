@@ -76,7 +76,7 @@ class RingDown:
     time_s : tuple of float
         Times of the frames.
     displacement_mm, envelope_mm : tuple of float
-        Vibration and its amplitude, where the beam moves most.
+        Displacement in the vibration, and amplitude, where the beam moves most.
     """
 
     label: str

@@ -106,7 +106,7 @@ class RingTable:
         return fixed_point(squares, of_inside, (len(inside), min(count, _MODES)))
 
     def _squares(self, log_modulus: Array, load_log: Array, count: int) -> Ratio:
-        """Return a function that computes squared angular frequencies of ``count`` planar modes, (P, count) in 1/s²."""
+        """Return a function that computes squared angular frequencies of ``count`` planar modes for P laws in 1/s²."""
         each = np.exp(self._size(log_modulus))[:, :, None] * self._polynomials(log_modulus)
         polynomials = np.einsum("pf,fpdk->pdk", _lagrange(self._load_logs, load_log), each)
         columns = polynomials[..., :count].swapaxes(0, 1)
@@ -118,13 +118,13 @@ class RingTable:
 
     @cached_property
     def _correction(self) -> tuple[Array, Array]:
-        """Factors on the moduli and on the squared frequencies of three planar modes, (3,) each, as corrections."""
+        """Factors that correct the moduli and the squared frequencies of three planar modes, (3,) each."""
         # With the factors, lambda at both `_RATIOS` is that of the three-dimensional model or finer mesh.
         at = np.clip(np.log([self.middle_Pa * self.planar_over_solid_modulus]), *np.log(self.range_Pa))
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(squared angular frequency) of three planar modes at two moduli, (3, 2)."""
+            """Return ln(squared angular frequency) of three modes, (3, 2), with two moduli times exp(log_factors)."""
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 

@@ -28,7 +28,7 @@ _STATIC_ERROR = 2e-3  # relative error of the modulus of static states, for the 
 
 @dataclass(frozen=True)
 class LoadHistory:
-    """The loads on a beam over time, in the order of time."""
+    """The loads on a beam in the order of time."""
 
     steps: tuple[LoadStep, ...]
 
@@ -106,7 +106,10 @@ class CreepEvidence:
         return np.asarray(values[first] + slopes[first] * (true - nodes[first]))
 
     def predicted(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad."""
+        """Return the rotation of the tip that would be measured at k times for P candidate laws, (P, k) in rad.
+
+        load_log: logarithms of the factors on the magnetic loads, (P,).
+        """
         history = CreepHistories([(self.history.steps, self.time_s)])
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
@@ -181,7 +184,10 @@ class StaticEvidence:
         return [(run.steps, seen_s[order]) for (run, seen_s), order in zip(self.runs, self.orders, strict=True)]
 
     def apparent_log(self, instantaneous_Pa: Array, series: Prony, load_log: Array) -> Array:
-        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,)."""
+        """Return ln(modulus) that an elastic fit to the shapes at rest would find for P viscoelastic laws, (P,).
+
+        load_log: logarithms of the factors on the magnetic loads, (P,).
+        """
         rotations = CreepHistories(self.histories).rotations(instantaneous_Pa, series, np.exp(load_log))
         return self._apparent_log(rotations)
 

@@ -161,7 +161,10 @@ def slow_rotations(
 
 
 def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]:
-    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration."""
+    """Return times in s, and the squared amplitude (rad²) of the tip's rotation in the fitted vibration.
+
+    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
+    """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     if not rows.any() or rows.sum() != len(decay.baseline_mm):
         return np.zeros(1), np.zeros(1)
@@ -171,9 +174,9 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return times in s, slow rotations of the tip, and the vibrations that remain in them, (n,) each, in rad.
+    """Return times in s, slow rotations of the tip in rad, and the vibrations in them in rad, (n,) each.
 
-    gain: displacement for a rotation of the tip by one rad, divided by the noise, for each coordinate of a point.
+    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
     """
     times = signals.time_s
 
@@ -195,7 +198,10 @@ def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Ar
 
 
 def _ringing_after(signals: Signals, decay: Decay, gain: Array, times_s: Array) -> Array:
-    """Return the size of the decaying vibration of the tip at m later times, (m,) in rad."""
+    """Return the size of the decaying vibration of the tip at m later times, (m,) in rad.
+
+    gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
+    """
     rows = (signals.time_s >= decay.from_s) & (signals.time_s <= decay.to_s)
     vibration = signals.channels_mm[rows] - decay.baseline_mm if rows.sum() == len(decay.baseline_mm) else np.zeros(0)
     if not len(vibration) or not len(times_s):

@@ -57,7 +57,7 @@ class MeasuredRestShape:
     specimen : Specimen
         The specimen with the measured shape.
     bends_mm, widths_mm : tuple of float
-        Amplitudes of the smooth deviations of the middle line and of the width.
+        Amplitudes of smooth deviations from the specimen file, of the middle line and of the width.
     bend_sigma_mm, width_sigma_mm : float
         Largest standard uncertainties of ``bends_mm`` and of ``widths_mm``.
     """
@@ -147,7 +147,7 @@ def measured_rest_shape(experiment: Experiment) -> MeasuredRestShape | None:
 
 def _significant(amplitudes: Array, sigma: Array) -> NDArray[np.intp]:
     """Return the indices of the amplitudes (mm) that differ significantly from zero."""
-    # Standard deviations ``sigma`` in mm.
+    # The standard deviations ``sigma`` are in mm.
     return np.flatnonzero(np.abs(amplitudes) > np.maximum(_LEAST_MM, _SURE * sigma))
 
 
@@ -168,7 +168,7 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the distances (mm) of measured points from simulated edges, one array for each of ``setups``."""
+    """Return the distances (mm) of measured points from simulated edges, an array for each position of the picture."""
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
@@ -180,7 +180,8 @@ def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup
 def _amplitudes(
     rest: Experiment, modulus_Pa: float, start: Array, used: NDArray[np.intp]
 ) -> tuple[Array, Array] | None:
-    """Fit the deviations with the indices ``used``; return all amplitudes and their uncertainties in mm, or None."""
+    """Fit the smooth deviations with the indices ``used``; return all amplitudes and their uncertainties in mm."""
+    # A small rotation and a small shift of the picture are fitted, too.
     amplitudes, picture = start.copy(), np.zeros(2)
     priors = np.concatenate([_PRIOR_MM[used], [_TURN_DEG, _SHIFT_MM]])
     tau, spread, inverse = 1.0, 0.0, np.zeros((len(priors), len(priors)))
@@ -205,7 +206,6 @@ def _amplitudes(
         amplitudes[used] += step[:-2]
         picture = picture + step[-2:]
         remaining = here[0] + slopes @ step
-        # A small rotation and a small shift of the picture are fitted too.
         spread = float(np.sqrt(np.mean(remaining**2)))
         tau = correlation_length(remaining[None], np.ones((1, len(remaining))))
     if spread > _WORST_MM:

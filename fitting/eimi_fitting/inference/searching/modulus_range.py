@@ -1,8 +1,8 @@
 """Determine from the data the range of moduli to search, for any material from gel to steel.
 
-For stiff beams of length L with the displacement u, c = mu u / L does not depend on the shear modulus mu. The objective
-(the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7. The searched range contains all
-moduli whose objective is within 2 % of the smallest one, and covers at least a factor of 1000.
+For a stiff beam of length L with the largest displacement u, c = mu u / L does not depend on the shear modulus mu. The
+objective (the error in mm that the fit minimises) is computed for moduli from c / 3 to c / 1e-7. The searched range
+contains all moduli whose objective is within 2 % of the smallest one, and covers at least a factor of 1000.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def scanned(problem: Problem, independent_points: float) -> Scan:
 
 
 def narrowed(problem: Problem, scan: Scan, independent_points: float) -> Scan:
-    """Refine a scan near its best modulus.
+    """Add 18 moduli near the best one to a scan.
 
     independent_points: number of points with independent errors.
     """

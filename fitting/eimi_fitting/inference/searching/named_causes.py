@@ -2,7 +2,7 @@
 
 The smallest distance of simulated from measured edges over many moduli is divided by the distance for an unbent beam.
 If this ratio exceeds 0.04 for a dataset, the loads are corrected, once for each usual mistake. A mistake is named if
-the correction reduces the distance to less than 0.4 of its value. No law is fitted if the ratio exceeds 0.2.
+the correction reduces the distance to less than 0.4 of its value. If the ratio also exceeds 0.2, no law is fitted.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Slip = Literal[
     "force_too_large",
     "gravity_absent",
 ]
-"""The keys of the mistakes in the given loads that are recognised."""
+"""The keys of the recognised mistakes in the loads."""
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def _about(evaluate: Callable[[Array, E | None], E], unit: Array, near: E | None
 
 
 def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Array:
-    """Return a damped Gauss-Newton step from ``unit``, (n,); distance: of the central differences, (n,)."""
+    """Return a damped Gauss-Newton step from ``unit``, (n,); distance: width of the differences, (n,)."""
     gradient, hessian = _normal_equations(here.misfits, distance)
     # The end of the step has coordinates from 0 to 1.
     damping = max(damping, _FACTORISED * float(np.trace(hessian)))
@@ -160,7 +160,7 @@ def _step(here: Evaluation, distance: Array, unit: Array, damping: float) -> Arr
 
 
 def _normal_equations(misfits: Sequence[Misfit], distance: Array) -> tuple[Array, Array]:
-    """Return gradient, (n,), and approximate Hessian, (n, n); distance: of the central differences, (n,)."""
+    """Return gradient, (n,), and approximate Hessian, (n, n); distance: width of the differences, (n,)."""
     n = len(distance)
     gradient, hessian = np.zeros(n), np.zeros((n, n))
     for misfit in misfits:
