@@ -134,8 +134,8 @@ class RingEvidence:
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
         """Convert errors of ln(frequency) and loss factor of a mode to independent numbers of variance 1, (..., 2)."""
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
-        # Common errors do not average out: each ring-down gets a share of the weight of one.
-        # All ring-downs under equal loads have the error of one table.
+        # An error of the table is common to all ring-downs under equal loads, and does not average out: each ring-down
+        # gets a share of the weight of one.
         of_table = self.repeats * np.square([errors[0], errors[1] * mode.loss])
         covariance = self.inflation**2 * mode.covariance + np.diag(of_table)
         return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), gaps[..., None])[..., 0])

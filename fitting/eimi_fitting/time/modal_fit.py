@@ -103,7 +103,6 @@ class ModalFit:
         fitted = solved.x[: 2 * count].reshape(-1, 2)
         freedom = max(residual.size - solved.x.size - residual.shape[1] * 20, 1)
         white = float(np.sqrt((residual**2).sum() / freedom))
-        # The larger standard deviation is used.
         noise = max(_band_noise(signals, residual, np.exp(fitted[0, 0]) / (2 * np.pi)), white)
         covariance = noise**2 * np.linalg.pinv(solved.jac.T @ solved.jac)
         bend = solved.x[2 * count :] if has_bend else np.zeros(2)

@@ -140,7 +140,7 @@ class RingTable:
     @property
     def solid_over_planar(self) -> Array:
         """The three lowest frequencies of the three-dimensional model, divided by those of the planar model, (3,)."""
-        # For a section that is not solid: of the planar model with a finer mesh.
+        # For a section that is not solid, a planar model with a finer mesh takes the place of this model.
         return self._better[0]
 
     @property
