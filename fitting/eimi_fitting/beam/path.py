@@ -34,7 +34,7 @@ _FEW = 6  # most iterations of a step that stays on its path; one less to a tole
 _LOOSE_MM = 1e-3
 _FAILED = (Status.DIVERGED, Status.OUT_OF_ITERATIONS)
 _OF_STRAIN, _SMALL_STRAIN = 1.5, 0.02  # a strain is as predicted if it is below 1.5 times the predicted one plus 0.02
-_MOST_POINTS = 6  # points of the path that an extrapolation uses
+_MOST_POINTS = 5  # points of the path that an extrapolation uses
 _AT_ONCE = 1400  # elements of all candidates and states together: more need more memory and save no time
 
 Path = list[tuple[Array, Configuration]]
@@ -395,7 +395,7 @@ def _extrapolate(path: Path, load: Array) -> Configuration | None:
         return None
     places: list[float] = []
     used: list[Configuration] = []
-    for earlier, configuration in path[:-6:-1]:
+    for earlier, configuration in path[: -_MOST_POINTS - 1 : -1]:
         offset = earlier - path[-1][0]
         t = float(offset @ direction) / length2
         # Use no earlier point once one is off the line, ahead, or so close to another that the polynomial would swing.
