@@ -89,7 +89,7 @@ class SolidBeside:
     along, across : int
         Number of elements along the flexible part, and number of elements across the width.
     more : int
-        Number of elements added in depth.
+        Number of elements across the depth in addition to the usual number.
     """
 
     def __init__(self, specimen: Specimen, along: int, across: int, more: int = 0) -> None:

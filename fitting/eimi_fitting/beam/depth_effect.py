@@ -1,6 +1,7 @@
 """The depth effect: the configuration of the solid model minus the configuration of the planar model.
 
-It is a polynomial in s, the rotation of the tip or the load from 0 to 1. With the depth effects d_i at n values s_i,
+It is a polynomial in s. For some beams s is the rotation of the tip, for the others the share of the full load. With
+the depth effects d_i at n values s_i,
 
     d(s) = b(s) + sum_i w_i(s) (d_i - b(s_i)),    w_i(s) = prod_{j != i} (s - s_j) / (s_i - s_j).
 
@@ -128,7 +129,7 @@ class DepthEffect:
 
     @property
     def places_of_base(self) -> tuple[float, ...]:
-        """The rotations of the tip, (0,) or (), at which the difference from ``base`` is zero."""
+        """The rotations of the tip at which this depth effect equals ``base`` without a computation: zero, or none."""
         # At a rotation of zero, the difference from ``base`` is taken as zero.
         return (0.0,) if self.base and self.by_turn else ()
 

@@ -60,7 +60,7 @@ class Grid:
     across : int
         Number of elements across the width.
     divided : bool
-        Put mesh lines across a magnet that is as wide as the beam.
+        Whether a magnet that is as wide as the beam is divided into elements.
 
     Attributes
     ----------

@@ -54,8 +54,8 @@ def with_modes(
 def _added(rows: Rows, share: float, mode: Callable[[Array], Array], before: Callable[[Array], Array]) -> Rows:
     """Return a table of a rest shape with a smooth deviation (``mode``) added to its values.
 
-    rows: the table, with a fraction of the beam's length and a value in each row. share: fraction of the flexible part.
-    before: function that interpolates the table.
+    rows: the table, with a fraction of the beam's length and a value in each row. share: length of the flexible part
+    divided by the length of the beam. before: function that interpolates the table.
     """
     if rows:
         at, values = np.array(rows).T

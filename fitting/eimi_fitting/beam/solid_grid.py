@@ -24,7 +24,7 @@ _FINER_AT_EDGE = 3.0  # grading in depth toward the magnet's edge
 def _depth_lines(specimen: Specimen, magnet_depth: float, more: int) -> Array:
     """Return the z coordinates in mm of the mesh lines from mid-depth to the surface.
 
-    magnet_depth: in mm. more: number of elements added inside the magnet's depth, and added outside.
+    magnet_depth: in mm. more: number of elements in addition to the usual number.
     """
     half, edge, width = 0.5 * specimen.depth_mm, 0.5 * magnet_depth, specimen.width_mm
     if not 0 < edge < half:
@@ -47,7 +47,7 @@ class SolidGrid:
     along, across : int
         Numbers of elements along the flexible part and across the width.
     more : int
-        Number of elements added in depth.
+        Number of elements across the depth in addition to the usual number.
 
     Attributes
     ----------

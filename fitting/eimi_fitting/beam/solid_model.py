@@ -26,7 +26,7 @@ class SolidModel:
     along, across : int
         Numbers of elements along the flexible part and across the width.
     more : int
-        Number of elements added in depth.
+        Number of elements across the depth in addition to the usual number.
 
     Raises
     ------

@@ -104,8 +104,8 @@ class System:
         right : ndarray, shape (B, n) or (1, n)
             Right-hand side for the n unknowns of the nodes.
         body : tuple of three ndarrays, or None
-            For the three unknowns of the magnet: the derivatives of the unknowns of Et elements by them, (Et, B, d, 3),
-            the stiffness, (B, 3, 3), and the loads, (B, 3) or (1, 3).
+            For the three unknowns of the rigid magnet: derivatives of the unknowns of the Et elements that touch the
+            magnet, (Et, B, d, 3); stiffness, (B, 3, 3); loads, (B, 3) or (1, 3).
         sound : ndarray of bool, shape (B,)
             True for the candidates that are solved.
         symmetric : bool
@@ -199,7 +199,7 @@ class System:
 
 
 def structure_of(dofs: Indices, n: int, tied: Indices | None, at_once: int | None = None) -> System:
-    """Return the assembly and solution of the linear equations on a mesh.
+    """Return the object that assembles and solves the linear equations of a mesh.
 
     dofs: numbers of the d unknowns of each of E elements, (E, d); -1 for none. n: number of unknowns of the nodes.
     tied: indices of the elements at the magnet. at_once: number of elements in memory at a time.

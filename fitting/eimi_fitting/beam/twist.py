@@ -62,9 +62,9 @@ def twist_per_tilt(
     moment_N_m : ndarray, shape (K, S - 1)
         Bending moment in the plane between neighbouring cross-sections in N m, from +x toward +y.
     force_N : ndarray, shape (K, S - 1, 2)
-        Sum of the loads (x, y) in N on the beam from between two cross-sections to the tip.
+        Force (x, y) in N that the part of the beam toward the tip exerts between neighbouring cross-sections.
     couple_N_m : ndarray, shape (K, 2)
-        Magnetic moment times the field (x, y), turned by 90 degrees from +x toward +y, in N m.
+        Magnetic moment in A m^2 times the field vector (x, y) in T, after a rotation of this vector by +90 degrees.
     out_of_plane_N_m2, torsion_N_m2 : float
         Stiffness against bending out of the plane, and torsional stiffness, in N m².
     """
