@@ -132,7 +132,10 @@ class RingEvidence:
         return np.concatenate(rows, axis=1)
 
     def _whitened(self, number: int, mode: RingMode, gaps: Array) -> Array:
-        """Convert errors of ln(frequency) and loss factor of a mode to independent numbers of variance 1, (..., 2)."""
+        """Convert errors of ln(frequency) and loss factor of a mode to independent numbers of variance 1, (..., 2).
+
+        number: index of the mode, 0 for the lowest. gaps: the errors, (..., 2).
+        """
         errors = (_HIGHER_ERROR, _HIGHER_LOSS_ERROR) if number else (self._of_lowest, _LOSS_ERROR)
         # An error of the table is common to all ring-downs under equal loads, and does not average out: each ring-down
         # gets a share of the weight of one.
@@ -169,13 +172,13 @@ class Sag:
     Attributes
     ----------
     computed_mm : float
-        Largest computed sag of a point.
+        Largest sag of a point in mm, computed with the modulus that the frequency suggests.
     measured : float
-        The measured sag, divided by the computed sag.
+        The measured sag, divided by this computed sag.
     moduli_Pa : ndarray, shape (m,)
         Shear moduli.
     ratios : ndarray, shape (m,)
-        The sag with each modulus, divided by the computed sag.
+        The sag computed with each modulus in ``moduli_Pa``, divided by the same computed sag.
     """
 
     computed_mm: float
@@ -265,8 +268,7 @@ class RestEvidence:
         return np.asarray(np.log(at_rest / self.modulus_Pa)[:, None] / self.sigma)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros for each uncertain input, such as a width."""
-        # The effect on the residual is neglected.
+        """Return the changes of the residual by each uncertain input: zeros, because they are neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), 1)) for key in sources}
 
 

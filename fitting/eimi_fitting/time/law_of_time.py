@@ -236,7 +236,7 @@ def optimum_of(problem: Problem, seed: int = 1, fewer: TimeOptimum | None = None
 
 
 def _polished(problem: Problem, start: Array) -> tuple[Array, Array, int, bool]:
-    """Fit by least squares; return the m unknowns, the derivatives, the number of laws, and whether it converged."""
+    """Fit by least squares; return the m unknowns, derivatives, number of computed laws, and whether it converged."""
     m, scale = len(start), np.minimum(problem.sigma, 1.0)
     moves = _STEP * np.concatenate([np.zeros((1, m)), np.diag(scale), -np.diag(scale)])
     last: tuple[Array, Array] = (np.full(m, np.nan), np.zeros((0, m)))
@@ -279,7 +279,7 @@ _STRETCH = 2.0
 
 
 def _features(terms: Terms, unknowns: Array, omegas: Array) -> Array:
-    """Return ln(modulus) at several times and at ``omegas`` (rad/s), loss factors, and ln(load factor), (P, f)."""
+    """Return f numbers that describe each of P laws of time, such as ln(modulus) at ``omegas`` (rad/s), (P, f)."""
     instantaneous, series = terms.split(unknowns[:, :-1])
     ratio = series.complex_ratio(np.broadcast_to(1j * omegas, (len(unknowns), len(omegas))))
     moduli = instantaneous[:, None] * series.ratio(_FEATURE_TIMES_S)

@@ -37,7 +37,7 @@ class LoadCurve:
     rotation : ndarray, shape (m,)
         Increasing rotations in rad.
     moment : ndarray, shape (m,)
-        Moment at each rotation, divided by a constant of the beam in m³, in Pa rad.
+        Moment at each rotation, as the product of the shear modulus in Pa and the rotation in rad that balances it.
     of_field : ndarray, shape (m,)
         Part of ``moment`` that is proportional to the magnetic field.
     """

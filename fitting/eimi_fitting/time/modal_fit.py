@@ -148,7 +148,7 @@ class ModalFit:
         return bool((np.abs(self.bend) <= _MOST_BEND * [1.0, self.modes[0, 1]]).all())
 
     def strongest_first(self) -> ModalFit:
-        """Return the fit with the largest vibration of about the first frequency in the first place."""
+        """Return the fit with reordered modes: first the largest of the vibrations near the first frequency."""
         sizes = [float(np.abs(self.vibration_mm(k)).max()) for k in range(len(self.modes))]
         close = np.abs(self.modes[:, 0] - self.modes[0, 0]) < np.log(_CLOSE)
         strongest = int(np.argmax(np.where(close, sizes, 0.0)))
@@ -217,7 +217,8 @@ def exponent(time: Array, mode: Array, bend: Array) -> NDArray[np.complex128]:
 def design_matrix(time: Array, modes: Array, bend: Array) -> Array:
     """Return the functions of time whose linear combinations are fitted to a ring-down, one in each column.
 
-    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: as in `ModalFit`, or empty.
+    modes: ln(angular frequency in rad/s) and loss factor of each mode, (m, 2). bend: changes of frequency and loss
+    factor of the first mode at large amplitudes, (2,), or empty.
     """
     t = time - time[0]
     first = exponent(t, modes[0], bend)

@@ -124,7 +124,10 @@ class RingTable:
         squares = self._squares(at, np.zeros(1), _MODES)
 
         def logs(log_factors: Array) -> Array:
-            """Return ln(squared angular frequency) of three modes, (3, 2), with two moduli times exp(log_factors)."""
+            """Return ln(squared angular frequency) of three modes for two stiffnesses of the material, (3, 2).
+
+            log_factors: logarithm of a factor on the stiffness, for each mode.
+            """
             ratios = np.outer(_RATIOS, np.exp(log_factors)).astype(complex)
             return np.stack([np.log(np.real(squares(one[None]))[0]) for one in ratios], axis=1)
 
@@ -173,7 +176,7 @@ class RingTable:
 
     @cached_property
     def _better(self) -> tuple[Array, float, Array]:
-        """Frequencies and bending of a three-dimensional model or of a finer mesh, compared with the planar model."""
+        """The results of an accurate beam model, from which the planar model is corrected."""
         beam, parameters = self.beam, self.beam.parameters(np.array([self.middle_Pa]))
         planar = beam.planar()
         plain, _ = beam.vibration(planar).about(beam.law, parameters, beam.loads)
@@ -260,7 +263,7 @@ class RingTable:
 
 
 def _eigenvalues(motion: ReducedMotion) -> Array:
-    """Return the squared angular frequencies of three modes for two moduli of the vibration, (3, 2) in 1/s²."""
+    """Return the squared angular frequencies of three modes for two stiffnesses of the material, (3, 2) in 1/s²."""
     ratios = np.array(_RATIOS)
     squares = squares_by_stiffening(motion.material, motion.rest, motion.mass, ratios, _MODES)
     return np.asarray(squares[0].T)
@@ -280,7 +283,7 @@ def _chebyshev_points() -> Array:
 
 
 def _of_unit(x: Array) -> Array:
-    """Convert x, -1 < x <= 1, to the modulus in a vibration divided by the modulus at rest."""
+    """Convert the variable of a Chebyshev polynomial to the modulus in a vibration over the modulus at rest."""
     return np.asarray(2.0 * _LEAST_RATIO / (x + 1.0))
 
 

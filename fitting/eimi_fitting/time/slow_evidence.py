@@ -34,9 +34,9 @@ class LoadHistory:
 
     @staticmethod
     def of(beam: RingingBeam, middle_Pa: float, loads: Loads, begins_s: Sequence[float]) -> LoadHistory:
-        """Return the loads of K states over time.
+        """Return the loads of K states over time, each as a moment that depends on the rotation of the tip.
 
-        middle_Pa: a typical shear modulus. begins_s: the K times (s) at which the loads begin.
+        middle_Pa: a shear modulus near the true one. begins_s: the K times (s) at which the loads begin.
         """
         # The moment of the loads is interpolated between static equilibria with seven moduli, in which it equals the
         # modulus times the rotation.
@@ -114,7 +114,7 @@ class CreepEvidence:
         return self.shown_at(history.rotations(instantaneous_Pa, series, np.exp(load_log))[0])
 
     def residuals_at(self, true: Array) -> Array:
-        """Return the k residuals of the rotation of the tip and one of a prior, for P candidate laws, (P, k + 1).
+        """Return the residuals of k rotations of the tip, and one of the vibration's prior, for P laws, (P, k + 1).
 
         true: the computed rotations at k times in rad, (P, k).
         """
@@ -135,8 +135,7 @@ class CreepEvidence:
         return np.asarray(rows - rows @ basis @ basis.T)
 
     def effects(self, sources: Mapping[str, float]) -> dict[str, Array]:
-        """Return zeros for each uncertain input, such as a width."""
-        # The effect on the residuals is neglected.
+        """Return the changes of the residuals by each uncertain input: zeros, because they are neglected."""
         return {key: np.zeros((len(SOURCES[key].parts), len(self.time_s) + 1)) for key in sources}
 
 

@@ -31,7 +31,7 @@ _STEP = 1.05  # ratio of the two moduli or loads whose difference gives the disp
 def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, before: Loads, rest_mm: Array) -> Array:
     """Return the displacement (x, y) of p points of a beam for a rotation of the tip by one rad, (p, 2) in mm.
 
-    before: the loads of one state until the step of the load. rest_mm: positions (x, y) of the points at rest, (p, 2).
+    loads, before: the loads after and before the step of the load. rest_mm: positions (x, y) of the points at rest.
     """
     model = beam.planar()
     places = _places(beam, rest_mm)
@@ -59,7 +59,9 @@ def displacement_per_rad(beam: RingingBeam, modulus_Pa: float, loads: Loads, bef
 def shown_rotations(
     beam: RingingBeam, modulus_Pa: float, rest_mm: Array, signals: Signals, per_rad_mm: Array
 ) -> tuple[Array, Array] | None:
-    """Return true rotations of the tip in rad, increasing, and the rotations that would be measured in the pictures.
+    """Return rotations of the tip in rad, increasing, and the values that the pictures give for them.
+
+    The two differ for large rotations, because the measurement divides displacements by a constant.
 
     The result is None if the rotation hardly depends on the modulus. modulus_Pa: a typical shear modulus. rest_mm:
     positions (x, y) of p points at rest, (p, 2). per_rad_mm: their displacements for a rotation by one rad, (p, 2).
@@ -75,7 +77,6 @@ def shown_rotations(
     moved = model.positions(shapes, places)[sound, 0][:, signals.points, signals.axis]
     gain = per_rad_mm[signals.points, signals.axis] / signals.sigma_mm
     order = np.argsort(angle)
-    # The measurement has a systematic error: it divides displacements by a constant displacement per rad.
     even = np.linspace(angle.min(), angle.max(), _NODES)
     return even, scipy.interpolate.CubicSpline(
         angle[order], ((moved / signals.sigma_mm) @ gain / (gain @ gain))[order]
@@ -174,7 +175,7 @@ def _squares(signals: Signals, decay: Decay, gain: Array) -> tuple[Array, Array]
 
 
 def _slow_frames(signals: Signals, decay: Decay | None, gain: Array) -> tuple[Array, Array, Array]:
-    """Return times in s, slow rotations of the tip in rad, and the vibrations in them in rad, (n,) each.
+    """Return times in s, measured slow rotations of the tip, and amplitudes of the remaining vibration in rad, (n,).
 
     gain: displacement for a rotation of the tip by one rad, divided by its noise, for each coordinate of a point.
     """

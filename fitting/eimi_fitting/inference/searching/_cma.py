@@ -21,7 +21,7 @@ class _Absent(MetaPathFinder):
         self._thread = threading.get_ident()
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for matplotlib and scipy.stats; return None for all other packages."""
+        """Raise ModuleNotFoundError for matplotlib and scipy.stats, so that the import of cma does not load them."""
         if name in _UNUSED and threading.get_ident() == self._thread:
             raise ModuleNotFoundError(f"{name} is hidden while cma is imported", name=name)
 

@@ -168,7 +168,7 @@ def _shaped(experiment: Experiment, amplitudes: Array) -> Experiment:
 
 
 def _residuals(experiment: Experiment, modulus_Pa: float, setups: Sequence[Setup]) -> list[Array] | None:
-    """Return the distances (mm) of measured points from simulated edges, an array for each position of the picture."""
+    """Return the distances (mm) of measured points from simulated edges, for each of several shifts of the picture."""
     shapes = experiment.model.solve(_LAW, np.array([[modulus_Pa]]), experiment.loads, tolerance_mm=_TOLERANCE_MM)
     if not np.isin(shapes.status, (Status.CONVERGED, Status.UNSTABLE)).all():
         return None
