@@ -353,7 +353,7 @@ def test_the_log_has_its_level_and_is_inherited(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], level: str
 ) -> None:
     monkeypatch.setenv("EIMI_LOG", "nothing")
-    made = {name: logging.Logger(name) for name in ("eimi_lab", "eimi_drivers", "eimi_fitting")}
+    made = {name: logging.Logger(name, logging.WARNING) for name in ("eimi_lab", "eimi_drivers", "eimi_fitting")}
     above = logging.Logger("above")
     above.addHandler(logging.StreamHandler(sys.stderr))
     for logger in made.values():

@@ -136,6 +136,18 @@ def test_another_writer_may_create_the_file_while_the_lock_is_waited_for(
     assert names(tmp_path) == ["fits.json"]
 
 
+def test_a_file_that_exists_is_refused_before_its_lock_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "fits.json"
+    path.touch()
+    other = os.open(lock_file(path), os.O_RDWR | os.O_CREAT)
+    writer_lock.lock_descriptor(other, blocking=False)
+    with pytest.raises(InputError, match="exists already"):
+        write_file(path, "x", force=False)
+    with pytest.raises(InputError, match="is being written to by"):
+        write_file(path, "x", force=True)
+    os.close(other)
+
+
 def raising(error: BaseException, path: Path) -> None:
     with whole_file(path, force=True) as temporary:
         temporary.write_text("half")
@@ -166,6 +178,10 @@ def test_an_error_of_the_disk_names_the_file_of_the_user(tmp_path: Path, monkeyp
     with pytest.raises(OSError, match="No space left") as caught:
         write_file(path, "x", force=True)
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
+    (tmp_path / "link.json").symlink_to(path)
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_file(tmp_path / "link.json", "x", force=True)
+    assert caught.value.filename == str(tmp_path / "link.json")
     with pytest.raises(OSError, match="No space left") as caught:
         write_whole(path, b"x")
     assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
