@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from eimi_fitting.time.measured import Motion
 from eimi_lab.config.specimen import load_specimen
 from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 from eimi_lab.dataset.measured_field import field_line, measured_line
-from eimi_lab.dataset.measured_heating import MeasuredHeating, measured_heating
+from eimi_lab.dataset.measured_heating import MeasuredHeating, coil_heating, measured_heating
 from eimi_lab.dataset.moving import film, filmed_motion, flicks, free_motion, motion_csv, tracked_motion, video_times
 from eimi_lab.dataset.moving.beam_modes import cantilever_modes, modal_amplitudes_mm, tip_angles_deg
 from eimi_lab.dataset.moving.clicked_line import clicked_calibration, clicked_from_changes, with_measured_axis
@@ -764,6 +765,28 @@ def test_few_or_equal_readings_are_not_compared() -> None:
     assert unheated is not None
     assert (unheated.continuous_rise_K, unheated.contradicts) == (0.0, False)
     assert unheated.rms_K == pytest.approx(degC.std())
+
+
+def test_the_heat_of_a_run_needs_a_rating_and_a_thermometer_at_the_coil() -> None:
+    """A state without a known current has no heat."""
+    time_s, degC = warming(300.0)
+    skin = readings(degC, time_s, np.zeros(40, int), measures="specimen_temperature")
+    coil = readings(degC, time_s, np.zeros(40, int))
+    rating = "[coil]\ncontinuous_current_A = 2.0\nthermal_time_constant_s = 300.0\n"
+
+    def run(text: str | None, logs: list[SensorLog], current_A: float | None = 2.0) -> Any:
+        states = [SimpleNamespace(current_A=current_A)]
+        return SimpleNamespace(text=lambda name: text if name == "rig" else None, sensors=lambda: logs, states=states)
+
+    found = coil_heating(run(rating, [skin, coil]))
+    assert found is not None
+    assert (found.sensor, found.continuous_rise_K) == ("pt", pytest.approx(12.0))
+    assert (found.time_constant_s, found.continuous_current_A) == (300.0, 2.0)
+    unknown = coil_heating(run(rating, [coil], None))
+    assert unknown is not None
+    assert unknown.continuous_rise_K == 0.0
+    for given in (run(None, [coil]), run("name = 'x'\n", [coil]), run(rating, [skin])):
+        assert coil_heating(given) is None
 
 
 @pytest.mark.parametrize(

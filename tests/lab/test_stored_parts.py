@@ -589,6 +589,7 @@ def test_labelled_points_and_edges_fill_missing_points(monkeypatch: pytest.Monke
     same(edges.variables["edge"][1][1, 1, 2], [10.0, 3.0])
     same(edges.variables["sigma"][1][1], np.full((2, 3), 0.1))
     assert edges.coordinates["flagged"] == ("state", [True, True])
+    assert edges.coordinates["state"] == [0, 1]
     assert edges.coordinates["side"] == ["left", "right"]
 
 
