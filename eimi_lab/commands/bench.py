@@ -101,7 +101,7 @@ def emulate(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="fault of the supply, of the coil or of the connection; --faults describes what each fault does: "
+            help="simulated fault of the supply, of the coil or of the connection (--faults describes them): "
             "silence, sleep, garbage, partial, slow, drop, disconnect, reenumerate, swap, shorted, drift, fallen, "
             "offset, locked, hunting, trip or brownout",
         ),

@@ -65,7 +65,9 @@ class CoilShapeTable(Table):
         if self.centre_mm is not None and self.radius_mm is None:
             raise ValueError("centre_mm is the centre of the loops; also give radius_mm and gap_mm")
         if not self.is_uneven and self.against_current is None:
-            raise ValueError("has none of the keys radius_mm and gap_mm, map, and gradient_per_m; give at least one")
+            raise ValueError(
+                "has no shape of the field; give radius_mm and gap_mm (two loops), or map, or gradient_per_m"
+            )
         if self.map is not None:
             self._grid()
         return self

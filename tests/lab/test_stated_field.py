@@ -70,7 +70,7 @@ def test_the_loops_of_a_coil_lie_across_the_beam_and_a_background_field_is_rotat
     [
         ("radius_mm = 60.0", "radius_mm and gap_mm belong together"),
         ("centre_mm = [0.0, 0.0]", "centre_mm is the centre of the loops"),
-        ("", "has none of the keys radius_mm and gap_mm, map, and gradient_per_m; give"),
+        ("", "has no shape of the field; give radius_mm and gap_mm (two loops), or map, or"),
         ("map = [[0.0, 0.0, 0.0, 1.0]]", "map has 1 rows with 1 different x and 1 different y"),
         ("radius_mm = 60.0\ngap_mm = 60.0\nmap = [[0.0, 0.0, 0.0, 1.0]]", "has both radius_mm and map"),
     ],

@@ -37,7 +37,7 @@ class Interruptions:
         self._last: BaseException | None = None
 
     def __call__(self) -> None:
-        """Call `between_messages`. If it raises an error, store the error for `raised`, and raise it again."""
+        """Call the given function; remember its error, if it raises one, and raise it again."""
         try:
             self._between_messages()
         except BaseException as error:
@@ -45,7 +45,7 @@ class Interruptions:
             raise
 
     def raised(self, error: BaseException) -> bool:
-        """Return whether `error` is the last error of `between_messages`, and not one of the driver."""
+        """Return whether `error` comes from the given function, and not from the driver of the supply."""
         return error is self._last
 
 

@@ -88,7 +88,7 @@ class Configuration:
     pressure : ndarray, shape (E, B, d + 1)
         Coefficients of the pressure functions in N/mm².
     stress : ndarray, shape (3 or 6, E, B, q)
-        The stress in N/mm² for the next tangent stiffness.
+        The stress in N/mm² at the Gauss points.
     """
 
     displacement: Array

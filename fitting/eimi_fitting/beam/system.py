@@ -167,7 +167,7 @@ class System:
     def _body_coupling(self, rows: Array) -> Array:
         """Return the stiffness between the magnet and m unknowns of the nodes around it, (B, 3, m).
 
-        rows: the contributions of Et elements at the magnet, (Et, B, 3, d).
+        rows: the contributions of Et elements with d unknowns to B systems, (Et, B, 3, d).
         """
         e, b, _, d = rows.shape
         total = self._gather @ rows.transpose(0, 3, 1, 2).reshape(e * d, b * 3)

@@ -324,7 +324,7 @@ def _moment(free: TimeOptimum, effects: Mapping[str, Array]) -> Quantity:
 
 
 def _gain(before_Hz: float, after_Hz: float) -> float:
-    """Return the derivative of ln(modulus) by ln(frequency) from the frequencies at a modulus and at 1.05 times it."""
+    """Return the derivative of ln(modulus) by ln(frequency of the beam). ``after_Hz`` is for a 5 % higher modulus."""
     return float(np.log(1.05) / np.log(after_Hz / before_Hz))
 
 

@@ -45,7 +45,7 @@ class Assumed:
 
     @property
     def bent(self) -> Experiment:
-        """The experiment with the errors of the inputs that belong to specimen, loads or lens."""
+        """The experiment after the addition of those errors that change the specimen, the loads or the lens."""
         parts: dict[str, Array] = {}
         for source, part, value in self.deviations:
             if SOURCES[source].changes_experiment:

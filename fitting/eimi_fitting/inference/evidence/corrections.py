@@ -147,7 +147,7 @@ class Correction:
     effects: tuple[DepthEffect | None, ...]
 
     def without_shapes(self) -> Correction:
-        """Return this correction without the simulated shapes of the beam."""
+        """Return a copy that needs less memory: the simulated shapes of the beam are removed."""
         return replace(self, better=replace(self.better, shapes=()))
 
     def added(self, experiments: Sequence[Experiment]) -> tuple[Experiment, ...]:
