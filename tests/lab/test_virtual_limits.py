@@ -114,7 +114,7 @@ def test_the_losses_of_a_beam_without_a_series_have_the_loss_factor_at_its_lowes
     turn = swing.advance(0.0, lambda _: 0.0, times)[:, 0]
     largest = int(np.abs(np.fft.rfft(turn * np.hanning(800), 8000)).argmax())
     assert frequency == pytest.approx(2.0 * math.pi * largest / (8000 * 2e-3), rel=0.03)
-    assert other._viscosity_s == pytest.approx(0.5 * beam._viscosity_s, rel=0.1)
+    assert 0.5 < other._viscosity_s / beam._viscosity_s < 0.65  # gravity, which does not grow, stiffens the beam
 
 
 def moving_outlines() -> tuple[MovingBeam, MovingOutlines]:
