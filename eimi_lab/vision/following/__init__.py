@@ -23,6 +23,5 @@ clicks         compare the followed path with clicked points
 doubts         measure shadows, reflections and clipping at the edges
 explaining     draw pictures of the intermediate results
 
-The clamp, the axis, the width and the length are known to a few per cent. The background need not be even, and the beam
-may be brighter or darker than the background. docs/why/edges.md describes the steps and their errors.
+docs/why/edges.md describes the steps and their errors.
 """

@@ -1,16 +1,15 @@
 """Search for the strip of the picture that shows the beam, from the clamp outward.
 
-A strip is a narrow band of the picture between two edges that may be the edges of the beam. The search extends many
-strips step by step, each by about a third of the beam's width, and keeps the best strips after each step (the algorithm
-is known as beam search). The curvature of a strip is bounded. A strip has a score, the sum of the gains of its steps:
+The search extends many strips step by step, and keeps the strips with the best scores after each step (beam search). A
+score is the sum of the gains of all steps:
 
     gain = support - 0.8 - 0.42 misfit - 0.6 (shift / 0.35)² - (cost of bend and width) + (gain of the centre line).
 
 support                  how clearly the colour changes at both sides of the strip, 0 to 2
 misfit                   difference between the colours inside the strip, in this step and in earlier steps, 0 to 2
 shift                    sideways shift of the strip in this step, in beam widths
-cost of bend and width   large for a sudden or strong bend and for an unusual width (`_implausible`)
-gain of the centre line  large near a centre line that is expected before the search; 0 without such a line
+cost of bend and width   large for a sudden or strong bend and for an unusual width
+gain of the centre line  positive near an expected centre line, negative far from the line; 0 without such a line
 """
 
 from __future__ import annotations
@@ -55,26 +54,24 @@ _TIE = 0.93  # of the best strip's score: a body with at least this score is equ
 
 @dataclass(frozen=True)
 class Strip:
-    """The band of the picture that shows the beam (the strip), at k points from the clamp outward.
-
-    Lengths are in px of the searched picture.
+    """The strip of the picture that shows the beam, at k points from the clamp outward.
 
     Attributes
     ----------
     place : ndarray, shape (k, 2)
-        Points on the centre line of the strip.
+        Points on the centre line of the strip, px.
     angle : ndarray, shape (k,)
-        Direction of the strip at each point, rad, clockwise from +x.
+        Direction of the strip, rad, clockwise from +x.
     width : ndarray, shape (k,)
-        Width of the strip at each point.
+        Width of the strip, px.
     gain : ndarray, shape (k,)
-        How clearly the picture shows both edges between this point and the point before, less a cost for bends.
+        Clarity of both edges between a point and the point before, less the cost of bends.
     step_px : float
         Distance between neighbouring points.
     variance : float
         Variance of the colours inside the strip, summed over the colour channels.
     rival : float
-        Score (sum of the gains) of the best strip along another body, divided by the score of this strip.
+        Sum of the gains of the best strip along another body, divided by the sum of the gains of this strip.
     """
 
     place: Array
@@ -87,7 +84,7 @@ class Strip:
 
     @property
     def length_px(self) -> float:
-        """Length of the band of the picture that shows the beam, from the clamp to its outer end, px."""
+        """Length of the strip, px."""
         return self.step_px * (len(self.gain) - 1)
 
 
@@ -95,8 +92,7 @@ class Strip:
 class _Stiffness:
     """How strongly the beam is expected to bend.
 
-    `bend` is the usual change of the curvature over one beam width, 1/px. `most` is the largest permitted curvature,
-    1/px.
+    `bend`: usual change of the curvature over one beam width, 1/px. `most`: largest permitted curvature, 1/px.
     """
 
     bend: float
@@ -104,23 +100,22 @@ class _Stiffness:
 
 
 def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[[], Array | None]) -> Strip | None:
-    """Search for the band of the picture (strip) that shows the beam.
+    """Search for the strip of the picture that shows the beam.
 
     Parameters
     ----------
     picture : WorkingPicture
-        The picture, scaled to a given width of the beam.
+        The picture.
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings at the clamp; None if either is possible.
     earlier : callable
-        Function that returns points of the beam in an earlier picture, in pixels of this picture, shape (n, 2), or
-        None. The function is called only if several bodies are about equally likely; the body nearest to these points
-        is then used.
+        Returns n points of the beam in an earlier picture, in pixels of this picture, shape (n, 2), or None. Called
+        only if several bodies are about equally likely; the body nearest to these points is then chosen.
 
     Returns
     -------
     Strip or None
-        None if the edges of no band are clear enough.
+        None if no strip has clear edges.
     """
     beam = picture.beam
     width, length = beam.width_px, beam.length_px
@@ -139,10 +134,9 @@ def find_strip(picture: WorkingPicture, polarity: str | None, earlier: Callable[
 
 @dataclass(frozen=True)
 class _Generation:
-    """The possible bands of the beam in the picture after one step of the search.
+    """The possible strips after one step of the search.
 
-    `parent` is the index of the shorter band from which each band was extended. `gain` measures how clearly the picture
-    shows both edges of the added piece, less a cost for bends.
+    `parent`: index of the shorter strip from which each strip was extended. `gain`: gain of this step.
     """
 
     strips: Hypotheses
@@ -151,7 +145,7 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the first short bands of the picture that may show the beam, near the clamp."""
+    """Return the first short strips near the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     stated = float(beam.relative_width(_SEED_AT * width)) * width
@@ -183,17 +177,7 @@ def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None)
 def _extended(
     picture: WorkingPicture, strips: Hypotheses, stiffness: _Stiffness, step: float, along: float
 ) -> tuple[Hypotheses, NDArray[np.int64], Array]:
-    """Extend every band that may show the beam by one step, and keep the best of the extended bands.
-
-    Returns
-    -------
-    strips : Hypotheses
-        The n extended bands.
-    parent : ndarray of int, shape (n,)
-        Index of the band that was extended.
-    gain : ndarray, shape (n,)
-        How clearly the picture shows both edges of the added piece, less a cost for bends.
-    """
+    """Extend every strip by one step; return the best new strips, the indices of the old strips, and the gains."""
     # All arrays are (n, ways): only the best ways become strips of their own.
     bend = strips.bend[:, None] + stiffness.bend * _MORE_BEND
     stated = float(picture.beam.relative_width(along)) * picture.beam.width_px
@@ -238,12 +222,12 @@ def _extended(
 
 
 def _implausible(more_bend: Array, width: Array, bend: Array, width_px: float) -> Array:
-    """Return the cost of a step of the search: for a sudden bend, for a strong bend and for an unusual width."""
+    """Return the cost of a step: for a sudden bend, for a strong bend and for an unusual width."""
     return np.asarray(0.6 * more_bend**2 + _WIDTH_COST * np.log(width) ** 2 + 0.03 * (bend * width_px / 0.6) ** 2)
 
 
 def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: float) -> NDArray[np.int64]:
-    """Return the indices of the bands with the highest scores, without near duplicates of a better band."""
+    """Return the indices of the strips with the highest scores, without near duplicates of a better strip."""
     near = np.flatnonzero(score > score.max() - _BEHIND)
     order = near[np.argsort(-score[near])]
     key = np.zeros(len(order), dtype=np.int64)
@@ -258,7 +242,7 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 def _best_strip(
     trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None], least: int
 ) -> Strip | None:
-    """Return the band of the picture that most probably shows the beam; None if no score is positive."""
+    """Return the strip that most probably shows the beam; None if no score is positive."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
     if last == 0 or best[last] <= 0.0:
@@ -281,7 +265,7 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the band that most probably shows the beam, after the last step of the search."""
+    """Return the index of the strip that most probably shows the beam."""
     score = trail[-1].strips.score
     best = int(score.argmax())
     equals = np.flatnonzero(score >= _TIE * score[best])
@@ -306,7 +290,7 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best band along another body, divided by the score of the chosen band."""
+    """Return the score of the best strip along another body, divided by the score of the chosen strip."""
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

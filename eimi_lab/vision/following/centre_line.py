@@ -1,7 +1,6 @@
-"""The centre line at which the search for the beam expects the beam.
+"""The centre line of the beam that is expected before the search, from clicks of a person or from an earlier picture.
 
-A person clicks this line, or an earlier picture gives it. The search prefers strips (bands of the picture that may show
-the beam) near the expected line. The expected line does not move the edges: only the picture determines their places.
+The search prefers strips of the picture near this line. The line does not move the located edges.
 """
 
 from __future__ import annotations
@@ -30,9 +29,10 @@ _APART_PX = 4.0 * CLICKED_PX  # clicks nearer to each other than this give no di
 
 @dataclass(frozen=True)
 class CentreLine:
-    """An expected centre line of the beam, which guides the search for the beam.
+    """An expected centre line of the beam.
 
-    Each step of the search has a gain. The search prefers paths with a large sum of gains.
+    The search chooses the path with the largest sum of gains. Each step near this line has a gain that is positive or
+    zero, each step far from the line a negative gain.
 
     Attributes
     ----------
@@ -41,11 +41,11 @@ class CentreLine:
     length_px : float
         Length of the line.
     free_px : ndarray, shape (n,)
-        Distance from each point of the line within which the search may go without a cost.
+        Distance from each point up to which a step is near the line.
     evidence : float
-        Gain of a step within the distance `free_px` from the line.
+        Gain of a step near the line.
     largest_cost : float
-        Largest cost of a step farther from the line: its gain is negative, but not below minus this value.
+        The gain of a step far from the line is at least minus this value.
     """
 
     points: Array
@@ -65,12 +65,12 @@ class CentreLine:
         return replace(self, points=points, length_px=factor * self.length_px, free_px=factor * self.free_px)
 
     def gain(self, x: Array, y: Array, along_px: float, width_px: float) -> Array:
-        """Return the gain of steps of the search for the beam: positive near this line, negative far from it.
+        """Return the gains of steps of the search: positive or zero near this line, negative far from the line.
 
         Parameters
         ----------
         x, y : ndarray, shape (...)
-            Coordinates of the ends of the search steps, px.
+            Coordinates of the ends of the steps, px.
         along_px : float
             Distance of these ends from the clamp, along the path of the search.
         width_px : float
@@ -93,9 +93,7 @@ class CentreLine:
 
 
 def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
-    """Return the most probable centre line of the beam from the clamp past the points that a person clicked.
-
-    The line does not pass exactly through the points, because each click has an error.
+    """Return the most probable centre line of the beam, from the clamp past the points that a person clicked.
 
     Parameters
     ----------
@@ -109,7 +107,7 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
     Returns
     -------
     CentreLine
-        The expected centre line of the beam.
+        The line, which may pass beside the points by the error of a click.
     """
     # The direction of the beam is a random walk, and each click measures a position: a cubic smoothing spline
     # (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364).
@@ -134,13 +132,13 @@ def _covariance(one: Array, other: Array, length_px: float) -> Array:
 
 
 def carried_line(middle_px: Array) -> CentreLine:
-    """Return the line along which the beam is expected, because its centre line lay there in another picture."""
+    """Return the expected centre line of the beam, from the points of its centre line in another picture."""
     from_clamp = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle_px, axis=0).T))])
     return _line(middle_px, CLICKED_PX + _CARRIED_SPREAD * from_clamp, 0.0, _CARRIED_COST)
 
 
 def line_between(first_px: Array, second_px: Array) -> CentreLine:
-    """Return the expected centre line of a beam that lies between the centre lines of two other pictures.
+    """Return the expected centre line of the beam, as the mean of its centre lines in two other pictures.
 
     Parameters
     ----------
@@ -150,7 +148,7 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
     Returns
     -------
     CentreLine
-        The mean of both lines, which ends where the shorter line ends.
+        The mean line, as long as the shorter line.
     """
     lines = [_line(points, np.zeros(len(points)), 0.0, 0.0) for points in (first_px, second_px)]
     length = min(line.length_px for line in lines)
@@ -164,7 +162,7 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
 
 
 def off_clamp(clamp_px: Array, clicks_px: Array) -> Array:
-    """Return the clamp, followed by the clicked points, without the first points that are within 20 px of the clamp.
+    """Return the clamp and the clicked points, without the first points that are within 20 px of the clamp.
 
     The last point is always kept.
     """

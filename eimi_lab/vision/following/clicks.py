@@ -16,12 +16,12 @@ _FARTHEST = 99.0  # widths: reported if nothing was followed
 
 
 def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> FollowedBeam:
-    """Store how far the farthest clicked point lies from the path of the followed beam, for the quality checks.
+    """Add the distance of the farthest clicked point from the followed path to the result of following a beam.
 
     Parameters
     ----------
     followed : FollowedBeam
-        The result of following the beam.
+        The result of following.
     clicks : ndarray, shape (n, 2)
         The n clicked points, px.
     width_px : float
@@ -30,9 +30,8 @@ def with_clicks(followed: FollowedBeam, clicks: Array, width_px: float) -> Follo
     Returns
     -------
     FollowedBeam
-        The result of following with this distance in ``findings``. The possible error of a click is subtracted from the
-        distance, which is given in widths of the beam. The result is unchanged if the beam was too narrow to be
-        followed.
+        The result, in which ``findings["followed_click"]`` is this distance minus 10 px (the error of a click), at
+        least 0, in widths of the beam. Unchanged if the beam was too narrow to be followed.
     """
     path = followed.path_px
     if "followed_px" in followed.findings:

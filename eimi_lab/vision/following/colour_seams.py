@@ -1,8 +1,4 @@
-"""Find both edges of the beam in its unrolled picture, each edge in a colour projection of its own.
-
-The unrolled picture is the picture, sampled along and across the beam. A colour projection is a weighted sum of the
-colours. A seam is a connected line along an edge.
-"""
+"""Find both edges in the straightened picture of the beam, each edge in a weighted sum of the colours of its own."""
 
 from __future__ import annotations
 
@@ -23,9 +19,9 @@ OUTWARD = (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Seams:
-    """The left and the right edge of the beam at n places along the beam, in a picture sampled along and across it.
+    """The left and the right edge in each of the n rows of the straightened picture of the beam.
 
-    The unit of length is the width of the beam in the specimen file.
+    Lengths are in widths of the beam.
 
     Attributes
     ----------
@@ -34,9 +30,9 @@ class Seams:
     support : ndarray, shape (2, n)
         Change of colour at the edge, from 0 to 1; 1 is a full step from the inside to the outside colour.
     projected : tuple of ColourProjection
-        For each edge, the weighted sum of the colours in which the edge is located.
+        For each edge, the weighted sum of the colours that shows it.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
+        Distance between an edge and the border of a possible shadow of the beam; 0 without such a border.
     """
 
     edge: Array
@@ -48,27 +44,26 @@ class Seams:
 def find_colour_seams(
     unrolled: UnrolledPicture, edge: Array, noise: float, tolerances: Iterable[float], shadowless: bool = False
 ) -> Seams:
-    """Find both edges of the beam in a picture that is sampled along and across the beam.
+    """Find both edges in the straightened picture of the beam.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The sampled picture.
+        The straightened picture.
     edge : ndarray, shape (2, n)
-        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam at n places along the
-        beam, in widths of the beam.
+        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam, in widths of the beam.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
     tolerances : iterable of float
-        For each of the repeated searches, the standard deviation of the distance between an edge and its previous
-        position, in widths of the beam.
+        For each repetition of the search, the standard deviation of an edge about its previous position, in widths of
+        the beam.
     shadowless : bool
-        Whether to use only weighted sums of the colours in which the surroundings look the same in shadow and in light.
+        Whether to use only weighted sums of the colours in which a shadow on the surroundings is invisible.
 
     Returns
     -------
     Seams
-        Both edges after the last search.
+        Both edges after the last repetition.
     """
     for number, tolerance in enumerate(tolerances):
         band = BODY_BAND if shadowless and number == 0 else INSIDE_BAND

@@ -1,8 +1,4 @@
-"""Leave out bodies that cross the beam, such as a cable, in the unrolled picture.
-
-The colours of such a body are found inside and outside the beam. They would therefore hide the difference between the
-colours inside and outside, also at some distance from the crossing.
-"""
+"""Leave out bodies that cross the beam, such as a cable, in the straightened picture of the beam."""
 
 from __future__ import annotations
 
@@ -24,12 +20,12 @@ _WIDEST = 0.8  # widths along the beam: a longer part of another colour belongs 
 
 
 def leave_out_crossings(unrolled: UnrolledPicture) -> UnrolledPicture:
-    """Mark the points of the picture that show a body which crosses the beam.
+    """Mark the points of the straightened picture that show a body which crosses the beam.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The straightened picture of the beam.
 
     Returns
     -------
@@ -44,6 +40,8 @@ def leave_out_crossings(unrolled: UnrolledPicture) -> UnrolledPicture:
     deviation = np.linalg.norm(colours - usual, axis=2)
     limit = np.maximum(_DISTINCT, _CERTAIN * np.median(deviation, axis=0))
     bodies = scipy.ndimage.label(deviation > limit, np.ones((3, 3)))[0]
+    # The colours of such a body occur inside and outside the beam, and would hide the difference between both sides,
+    # also at some distance from the crossing.
     covered = np.zeros(bodies.shape, dtype=bool)
     for number in np.intersect1d(bodies[:, 0], bodies[:, -1]):
         body = bodies == number

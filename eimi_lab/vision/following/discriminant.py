@@ -1,12 +1,9 @@
-"""Project the colours at an edge to one number, which is 1 inside the beam and 0 outside.
+"""Convert the colours at an edge to one number, which is 1 inside the beam and 0 outside, by Fisher's discriminant.
 
-The projection is Fisher's linear discriminant of the colours in a window along the edge,
+    number = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)).
 
-    number = w · (colour - m_out),    w = C⁻¹ (m_in - m_out) / ((m_in - m_out) · C⁻¹ (m_in - m_out)),
-
-with the mean colours m_in inside and m_out outside, and the mean C of the two colour covariances (R. A. Fisher, "The
-use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936) 179). The beam may be brighter or
-darker than the background, and the background may change along the beam.
+Here m_in and m_out are the mean colours inside and outside near the edge, and C is the mean of the two covariances of
+these colours (R. A. Fisher, Annals of Eugenics 7 (1936) 179).
 """
 
 from __future__ import annotations
@@ -31,16 +28,16 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 
 @dataclass(frozen=True)
 class ColourProjection:
-    """A weighted sum of the colours that is 1 inside the beam and 0 outside, for one edge of the beam.
+    """A weighted sum of the colour channels that is about 1 inside the beam and 0 outside, for one edge of the beam.
 
-    The picture is sampled at n places along the beam and m points across it.
+    The straightened picture of the beam has n rows and m columns.
 
     Attributes
     ----------
     share : ndarray, shape (n, m)
-        The weighted sum at each point, about 1 inside and 0 outside.
+        The weighted sum at each point.
     separation : ndarray, shape (n,)
-        Distance between the mean colours inside and outside, in standard deviations of the weighted sum.
+        Difference between the mean colours inside and outside, in standard deviations of the weighted sum.
     weight : ndarray, shape (n, channels)
         Weight of each colour channel.
     level : ndarray, shape (n,)
@@ -64,28 +61,28 @@ def project(
     shadowless: bool = False,
     inside_band: tuple[float, float] = INSIDE_BAND,
 ) -> ColourProjection:
-    """Compute a weighted sum of the colours that is 1 inside the beam and 0 outside, from the colours beside one edge.
+    """Compute the weighted sum of the colour channels that is about 1 inside the beam and 0 outside, near one edge.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The straightened picture of the beam, with n rows.
     edge : ndarray, shape (n,)
-        Position of the edge across the beam at n places along the beam, in widths of the beam.
+        Position of the edge across the beam, in widths of the beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
     shadowless : bool
-        Whether to use only weighted sums in which the outside colour and all its multiples have the same value, so that
-        a shadow on the background is invisible. A picture with one channel has no such sum.
+        Whether to use only weighted sums in which a shadow on the surroundings is invisible. A picture with one channel
+        has no such sum.
     inside_band : tuple of float
-        Least and largest distance from the edge, in widths of the beam, of the colours that count as inside.
+        Least and largest distance from the edge of the colours that count as inside, in widths of the beam.
 
     Returns
     -------
     ColourProjection
-        The weights and the weighted sum at each point.
+        The weights, and the weighted sum at each point.
     """
     colours = unrolled.colours.astype(np.float64)
     distance = outward * (unrolled.across - edge[:, None])
@@ -101,6 +98,7 @@ def project(
     step = mean_in - mean_out
     weight = np.linalg.solve(spread, step[..., None])[..., 0]
     if shadowless:
+        # the outside colour and all its multiples, the colours of a shadow, then have the same value
         across = np.linalg.solve(spread, mean_out[..., None])[..., 0]
         share = (weight * mean_out).sum(axis=1) / np.maximum((across * mean_out).sum(axis=1), 1e-9)
         weight -= share[:, None] * across
@@ -116,7 +114,7 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean and the covariance of the selected colours in a window around each place along the beam."""
+    """Return the mean and the covariance of the selected colours in a window around each row of the picture."""
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
     weighted = share[..., None] * colours
@@ -131,7 +129,7 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _beam_probability(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return, for each sampled point, the probability that its colour is a colour of the beam."""
+    """Return, for each point, the probability that its colour is a colour of the beam."""
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Measure the disturbances at the edges of a beam that was followed from its clamp: shadows, reflections, clipping."""
+"""Measure shadows, reflections and saturated colours at the edges of a beam that was followed from its clamp."""
 
 from __future__ import annotations
 
@@ -29,15 +29,14 @@ def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: flo
     left, right : StripEdges
         The located edges.
     sides : Sides
-        Both edges of the beam in the picture that is sampled along and across the beam.
+        Both edges in the straightened picture of the beam.
     width_px : float
         Width of the beam according to the specimen file.
 
     Returns
     -------
     float
-        The larger of two values: the blur of the more blurred edge, and the excess of the measured width. 0 if no edge
-        looks like the border of a shadow.
+        The possible error; 0 if no edge looks like the border of a shadow.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])
@@ -58,7 +57,7 @@ def shadow_px(sides: Sides, width_px: float) -> float:
 
 
 def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length on which the reflection of a lamp lies: the larger of both edges."""
+    """Return the part (0 to 1) of an edge's length on which a lamp is reflected, the larger for both edges."""
     clipped = (unrolled.colours >= CLIPPED).mean(axis=2) > 0.5
     middle_clipped = (clipped & (np.abs(unrolled.across - sides.edge.mean(axis=0)[:, None]) <= _AMID)).any(axis=1)
     shares = []
@@ -71,7 +70,7 @@ def reflection_share(unrolled: UnrolledPicture, sides: Sides) -> float:
 
 
 def clipped_share(unrolled: UnrolledPicture, sides: Sides) -> float:
-    """Return the share of an edge's length where a colour beside it is clipped (saturated), for the worse edge."""
+    """Return the part (0 to 1) of an edge's length beside which a colour is saturated, the larger for both edges."""
     full = (unrolled.colours >= _FULL).any(axis=2)
     shares = []
     for edge, outward, sound in zip(sides.edge, OUTWARD, sides.sound, strict=True):

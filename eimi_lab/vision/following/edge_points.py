@@ -1,7 +1,6 @@
-"""Locate the followed edges in the original image by fitted steps, and estimate the scatter of the points.
+"""Locate points of the beam's edges in the original image by fitted steps of grey values, and estimate their scatter.
 
-A followed edge was found by following the beam from its clamp, and is known to about a pixel. A step is the change of
-the grey value across an edge.
+The edges are known to about a pixel before.
 """
 
 from __future__ import annotations
@@ -44,12 +43,12 @@ _NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over its 
 
 @dataclass(frozen=True)
 class StripEdges:
-    """The points of one edge of a beam, in pixels of the image, from the clamp outward.
+    """The n located points of one edge of a beam, in pixels of the image, from the clamp outward.
 
     Attributes
     ----------
     points : ndarray, shape (n, 2)
-        The n edge points.
+        The points.
     sigma : ndarray, shape (n,)
         Standard deviation of each point along the normal of the edge.
     along : ndarray, shape (n,)
@@ -72,11 +71,11 @@ def locate_edge(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255; H rows, W columns.
+        Grey values from 0 to 255; H rows, W columns.
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The straightened picture of the beam.
     sides : Sides
-        Both edges of the beam in the sampled picture.
+        Both edges in the straightened picture.
     side : int
         0 for the left edge, 1 for the right edge.
     spacing_px : float
@@ -114,15 +113,15 @@ def locate_edge(
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
-    """Return, for each point, the index of the nearest of the points of an edge."""
+    """Return the index of the edge point nearest to each of the points."""
     return np.asarray(scipy.spatial.cKDTree(seam).query(points)[1])
 
 
 @dataclass(frozen=True)
 class _Edge:
-    """One edge of the beam in an image, with the weighted sum of the colours in which it is located.
+    """One edge of the beam in an image, and the weighted sum of the colours that shows it.
 
-    `outward` is +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1.
+    `outward`: +1 if the outside of the beam lies clockwise of the tangent of the edge, else -1.
     """
 
     image: NDArray[Any]
@@ -147,7 +146,7 @@ class _Edge:
         return points, steps, inside & steps.sound & (height > _HEIGHT[0]) & (height < _HEIGHT[1])
 
     def _profiles(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array) -> tuple[Array, Mask]:
-        """Return the weighted sums of colours on lines across a curve, and which lines are in the image."""
+        """Return the weighted sums of the colours on lines across a curve, and whether each line is in the image."""
         lines = np.arange(AVERAGED_PX) - 0.5 * (AVERAGED_PX - 1)
         at, tangent = curve.at(place[:, None] + lines)
         normals = self.outward * normals_of(tangent)
@@ -156,11 +155,9 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return the part of profiles (weighted colours on lines across the edge) that uneven light causes.
+        """Return the part of the weighted colours that uneven light causes, at distances `u` (px) across the edge.
 
-        place: arc lengths of the lines on the curve, px. station: index of the weights of each line. u: distances of
-        the points of a line from the curve, px. blur: standard deviation of the blur, px. The result has one row for
-        each line.
+        The result has one row for each line.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -187,11 +184,7 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return the slope that the grey values beside the edge have in each profile and in its neighbours, (n,).
-
-    A straight line was fitted to each of n profiles on one side of the edge, with the slope `slope` and the residual
-    `residual_rms`. The result is the median slope of neighbouring profiles; 0 if a straight line fits too few of them.
-    """
+    """Return, for each profile, the median slope of the neighbouring profiles; 0 where few profiles are straight."""
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
     neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
@@ -218,7 +211,7 @@ def estimate_scatter(points: Array, sensitivity: Array) -> tuple[Array, Array, M
     sigma : ndarray, shape (n,)
         Standard deviation of each point along the normal of the edge.
     kept : ndarray of bool, shape (n,)
-        Whether each point is within four standard deviations of the smooth line.
+        False for an outlier: more than four standard deviations from the smooth line.
     """
     # Differences of neighbouring points would give too small a scatter: texture displaces neighbours alike.
     kept = np.ones(len(points), dtype=bool)

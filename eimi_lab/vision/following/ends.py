@@ -1,8 +1,6 @@
-"""Remove the points at the ends of the edges where the width of the beam changes.
+"""Remove the points at the ends of the edges where the width of the beam changes abruptly.
 
-Near the tip and near the clamp, the located points may leave the edge and follow the border of a shadow or of another
-body. This border leaves the edge slowly at first. Therefore no single point is an outlier, and a spline through all
-points follows the wrong line.
+Near the clamp and near the tip, the located points may follow the border of a shadow or of another body.
 """
 
 from __future__ import annotations
@@ -64,7 +62,7 @@ def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
 
 
 def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
-    """Return which points of an edge to keep: without those after an abrupt change of the beam's width near the end."""
+    """Return False for the points of an edge after an abrupt change of the beam's width near the last point."""
     kept = np.ones(len(along), dtype=bool)
     to_end = np.abs(along[-1] - along)
     end = to_end < _END
@@ -73,6 +71,8 @@ def _as_wide_toward_last(along: Array, widths: Array) -> NDArray[np.bool_]:
         return kept
     line, parabola = (np.polyval(np.polyfit(along[base], widths[base], degree), along) for degree in (1, 2))
     # A body whose width changes smoothly, such as an inflated one, lies between the two continuations.
+    # The border of another body leaves the edge slowly at first: no single point is an outlier of a spline through all
+    # points.
     excess = np.maximum(widths - np.maximum(line, parabola), np.minimum(line, parabola) - widths)
     deviation = np.where(end, np.maximum(excess, 0.0), np.abs(widths - line))
     scatter = _NORMAL_MEDIAN * float(np.median(deviation[base]))

@@ -1,7 +1,4 @@
-"""Draw the intermediate results of following a beam: the searched picture, the strip, and the edges of the beam.
-
-The strip is the band of the picture in which the search found the beam.
-"""
+"""Draw the intermediate results of following a beam: the searched picture, the straightened picture and the edges."""
 
 from __future__ import annotations
 
@@ -35,11 +32,11 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     Returns
     -------
     dict of str to ndarray of uint8
-        ``"strip"``: the searched picture with the band that shows the beam, green where both edges are clear and red
-        where they are not.
+        ``"strip"``: the searched picture with the outline of the found beam, green where its edges are clear, red
+        elsewhere.
 
-        ``"unrolled"``: the picture sampled along the beam, and beside it the weighted sums of the colours in which the
-        left and the right edge are located. The edges are green where they are reliable, and red elsewhere.
+        ``"unrolled"``: the straightened picture of the beam, and beside it the weighted sums of the colours that show
+        the left and the right edge. The edges are green where they are reliable, red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -50,7 +47,7 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
-    """Draw the band in which the beam was found on the searched picture."""
+    """Draw the outline of the found beam on the searched picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -63,7 +60,7 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the picture that is sampled along the beam, and on the weighted sums of its colours."""
+    """Draw both edges on the straightened picture of the beam, and on the weighted sums of its colours."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]

@@ -35,24 +35,24 @@ _AT_BORDER = 0.75  # widths from the border of the image
 
 @dataclass(frozen=True)
 class FollowedBeam:
-    """The result of following a beam in one image. A step that was not reached has the result None.
+    """The result of following a beam in one image. An attribute that was not computed is None.
 
     Attributes
     ----------
     findings : dict of str to float
-        Measured values, with the keys of the quality checks.
+        Measured values, by the keys of the quality checks.
     working : WorkingPicture, optional
         The picture in which the beam was searched.
     strip : Strip, optional
-        The band of this picture that shows the beam.
+        The strip of this picture that shows the beam.
     unrolled : UnrolledPicture, optional
-        The picture, sampled along and across the beam.
+        The straightened picture of the beam.
     sides : Sides, optional
-        Both edges of the beam in the sampled picture.
+        Both edges in the straightened picture.
     edges : tuple of StripEdges, optional
         The left and the right edge, px.
     words : dict of str to str
-        For each word in braces in the advice of the quality checks, the text that replaces this word.
+        Text for each word in braces in the advice of the quality checks.
     """
 
     findings: dict[str, float]
@@ -64,10 +64,9 @@ class FollowedBeam:
     words: dict[str, str] = field(default_factory=lambda: {"narrow_px": "", "clicks_off": ""})
 
     def moved(self, by_px: Array) -> FollowedBeam:
-        """Return this result with its path and reliable points in px of a larger picture.
+        """Return this result with its path and reliable points in px of a larger picture, but with unchanged `edges`.
 
-        `by_px` is the upper left corner of the searched image in the larger picture. The points in `edges` are not
-        converted.
+        `by_px` is the upper left corner of the searched image in the larger picture.
         """
         return replace(
             self,
@@ -103,16 +102,16 @@ def follow(
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255; H rows, W columns. Every image is accepted.
+        Grey values from 0 to 255; H rows, W columns.
     beam : StatedBeam
         Clamp, axis, width and length in pixels.
     spacing_px : float
-        Desired distance between the points along the edges. An edge has at most a hundred points.
+        Desired distance between the points along an edge, which has at most a hundred points.
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings; None if either is possible.
     earlier_px : callable, optional
-        Function that returns points of the beam's centre line in an earlier picture, px, shape (n, 2), or None. It is
-        called only if several bodies are equally likely to be the beam.
+        Returns n points of the beam's centre line in an earlier picture, px, shape (n, 2), or None. Called only if
+        several bodies are equally likely to be the beam.
 
     Returns
     -------
@@ -155,14 +154,14 @@ def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | Non
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return texts for the words in braces, such as {narrow_px}, in the advice on a beam too narrow to be followed."""
+    """Return the texts for the words in braces, such as {narrow_px}, in the advice of the quality checks."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Return the measured values of a followed beam, with the keys of the quality checks."""
+    """Return the measured values of a followed beam, by the keys of the quality checks."""
     both = sides.sound.all(axis=0)
     if not both.any():
         return {"followed_length": 0.0}
@@ -197,12 +196,12 @@ def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
 
 
 def _change(width: Array) -> float:
-    """Return how much the width of the beam changes along its length, as a share of the smallest width."""
+    """Return by how much the largest width of the beam exceeds the smallest, divided by the smallest."""
     medians = [float(np.median(part)) for part in np.array_split(width, _FIFTHS) if len(part)]
     return max(medians) / max(min(medians), 1e-3) - 1.0
 
 
 def _narrowing(width: Array) -> float:
-    """Return by which share of its width the body becomes narrower away from the clamp; 0 if it becomes wider."""
+    """Return by which part (0 to 1) of its width the beam becomes narrower away from the clamp."""
     medians = np.array([np.median(part) for part in np.array_split(width, _FIFTHS) if len(part)])
     return float(max(0.0, (1.0 - medians / np.maximum.accumulate(medians)).max()))

@@ -1,7 +1,4 @@
-"""Strips that may show the beam: position and curvature of each strip, and how well the image supports the strip.
-
-A strip is a narrow band of the picture between two possible edges of the beam.
-"""
+"""Strips of the picture that may show the beam: position and curvature, and how well the image supports each strip."""
 
 from __future__ import annotations
 
@@ -38,9 +35,9 @@ _LATERAL = 0.15  # share of the variance across the strip: a round beam is shade
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Bands of the picture that may show the beam, n in number, during the search from the clamp outward.
+    """The n strips of the picture that may show the beam, during the search from the clamp outward.
 
-    The attributes describe a band at its outer end, away from the clamp. Lengths are in px.
+    The attributes describe the outer end of each strip. Lengths are in px.
 
     Attributes
     ----------
@@ -51,16 +48,15 @@ class Hypotheses:
     bend : ndarray, shape (n,)
         Curvature, 1/px.
     width : ndarray, shape (n,)
-        Width of the band.
+        Width of the strip.
     template : ndarray, shape (n, 9, channels)
-        Colours at nine points across the inside of each band, remembered from earlier steps of the search.
+        Colours at nine points across the inside of the strip, remembered from earlier steps of the search.
     tolerance : ndarray, shape (n,)
-        Variance of the colours inside the band near the clamp, summed over the colour channels.
+        Variance of the colours inside the strip near the clamp, summed over the colour channels.
     variance : ndarray, shape (n,)
-        Present variance of the colours inside the band, at most `tolerance`.
+        Present variance of the colours inside the strip, at most `tolerance`.
     score : ndarray, shape (n,)
-        How clearly the picture shows both edges of the band, summed over all steps of the search, less the costs of
-        bends.
+        Clarity of both edges, summed over all steps of the search, less the costs of bends.
     """
 
     place: Array
@@ -77,14 +73,14 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Return the colours at 15 points across each band of the picture: nine inside, and three on each side.
+    """Return the colours at 15 points across each strip: three outside, nine inside, three outside.
 
     Parameters
     ----------
     picture : WorkingPicture
         The picture; beyond its border the colours of the border are used.
     x, y, angle, width : ndarray, shape (...)
-        Middle, direction (rad) and width of each band.
+        Middle, direction (rad) and width of each strip.
 
     Returns
     -------
@@ -112,19 +108,19 @@ def least_variance(picture: WorkingPicture) -> float:
 
 
 def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
-    """Return how clearly the colour changes at both edges of bands of the picture, from 0 to 2.
+    """Return how clearly the colour changes at both edges of each strip, from 0 to 2.
 
     Parameters
     ----------
     colours : ndarray, shape (..., 15, channels)
-        Colours at 15 points across each band: three outside, nine inside, three outside.
+        Colours at 15 points across each strip: three outside, nine inside, three outside.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the colour channels.
 
     Returns
     -------
     ndarray, shape (...)
-        A number from 0 to 1 for each edge, summed over the two edges.
+        Sum of two numbers from 0 to 1, one for each edge.
     """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
@@ -135,17 +131,17 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix from the colours at 15 points across a band to the changes of colour at its two edges."""
+    """Return the matrix from the colours at 15 points across a strip to the changes of colour at both edges."""
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
 def brightness_step(colours: NDArray[np.float32]) -> Array:
-    """Return the brightness inside each band of the picture minus the brightness of its surroundings."""
+    """Return the brightness inside each strip minus the brightness of its surroundings."""
     return np.asarray((_STEPS @ colours).mean(axis=(1, 2)), dtype=np.float64)
 
 
 def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance: Array) -> Array:
-    """Return how much the colours inside bands of the picture differ from remembered colours, from 0 to 2."""
+    """Return how much the colours inside each strip differ from remembered colours, from 0 to 2."""
     difference = colours[..., _INSIDE, :] - template
     square = np.einsum("...uc,...uc->...", difference, difference) / difference.shape[-2]
     return np.asarray(np.minimum(square / (_CERTAIN * variance), _LARGEST_MISFIT))
@@ -154,20 +150,18 @@ def misfit(colours: NDArray[np.float32], template: NDArray[np.float32], variance
 def updated_templates(
     colours: NDArray[np.float32], template: NDArray[np.float32], tolerance: Array, variance: Array, least: float
 ) -> tuple[NDArray[np.float32], Array]:
-    """Return the remembered colours and the variances of bands of the picture after another step of the search.
-
-    The variance of a band never rises, so that a body which crosses the beam does not hide the edges beyond it.
+    """Return the remembered colours and the variances of the strips after another step of the search.
 
     Parameters
     ----------
     colours : ndarray, shape (n, 15, channels)
-        Present colours at 15 points across each band: three outside, nine inside, three outside.
+        Present colours at 15 points across each strip: three outside, nine inside, three outside.
     template : ndarray, shape (n, 9, channels)
-        Remembered colours at the nine points inside each band.
+        Remembered colours at the nine points inside.
     tolerance : ndarray, shape (n,)
-        Variance of the colours of each band near the clamp, summed over the channels.
+        Variance of the colours near the clamp, summed over the channels.
     variance : ndarray, shape (n,)
-        Variance of the colours of each band in the step before, summed over the channels.
+        Variance of the colours in the step before, summed over the channels.
     least : float
         Smallest variance that is assumed for a colour.
 
@@ -176,27 +170,28 @@ def updated_templates(
     template : ndarray, shape (n, 9, channels)
         The new remembered colours.
     variance : ndarray, shape (n,)
-        The new variances.
+        The new variances, not above the old variances.
     """
     present = colours[:, _INSIDE]
     squares = ((present - template) ** 2).sum(axis=2)
     same = squares < _CERTAIN * tolerance[:, None]
     moved = template + np.where(same[..., None], _LEARNING * (present - template), 0.0)
     scatter = (same * squares).sum(axis=1) / np.maximum(same.sum(axis=1), 1)
+    # The variance never rises, so that a body which crosses the beam does not hide the edges beyond this body.
     fall = variance - assumed_variance(least, scatter, present)
     return np.asarray(moved, dtype=np.float32), variance - _LEARNING * np.maximum(fall, 0.0)
 
 
 def assumed_variance(least: float, scatter: Array, inside: NDArray[np.float32]) -> Array:
-    """Return the variance of the colours in each band that counts as noise, summed over the channels.
+    """Return the variance of colours that is assumed to be noise, for each strip, summed over the channels.
 
-    It decides how large a change of colour counts as an edge. It is the sum of a lower limit `least`, of the variance
-    along the band (`scatter`), and of a part of the variance across the band, whose colours are `inside`.
+    It is the sum of `least`, `scatter` (variance along the strip) and a part of the variance of the colours `inside`,
+    which were read across the strip.
     """
-    # only a part of the variance across the band, because a round beam is shaded, and shading is no noise
+    # only a part of the variance across the strip, because a round beam is shaded, and shading is no noise
     return np.asarray(least + scatter + _LATERAL * inside.var(axis=1).sum(axis=1))
 
 
 def inside_of(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the colours at the nine points inside each band, from the colours at 15 points across it."""
+    """Return the colours at the nine points inside each strip, from the colours at 15 points across the strip."""
     return colours[:, _INSIDE]

@@ -18,7 +18,7 @@ from eimi_lab.vision.intensity import full_scale
 def stated_beam(
     frame: BeamFrame, length_mm: float, width_mm: float, depth_mm: float = 0.0, view: View | None = None
 ) -> StatedBeam:
-    """Return place and size of the beam in pixels, from its clamp and axis in the calibration and its size in mm.
+    """Return place and size of the beam in pixels, from the calibration (`frame`) and its size in mm.
 
     `view` is the perspective of the lens; None without perspective.
     """

@@ -1,4 +1,4 @@
-"""Remove the reflections of a lamp from the searched picture. A reflection would split the beam into two bodies."""
+"""Remove the reflections of a lamp from the searched picture."""
 
 from __future__ import annotations
 
@@ -30,8 +30,7 @@ def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
 
     References
     ----------
-    The replacement is a grey-scale opening, which removes bright spots that are narrower than a disc (J. Serra, Image
-    Analysis and Mathematical Morphology, Academic Press 1982).
+    Grey-scale opening: J. Serra, Image Analysis and Mathematical Morphology, Academic Press 1982.
     """
     pixels, width_px = picture.pixels, picture.beam.width_px
     clipped = (pixels >= CLIPPED).mean(axis=2) > 0.5
@@ -39,6 +38,8 @@ def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
         return picture
     size = 2 * round(0.5 * _NARROW * width_px) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # the opening removes bright spots that are narrower than the disc: a reflection would split the beam into two
+    # bodies
     opened = cv2.morphologyEx(pixels, cv2.MORPH_OPEN, disc).reshape(pixels.shape)
     narrow = clipped & ((pixels - opened).max(axis=2) > _BRIGHTER)
     grown = 2 * max(1, round(_HALO * width_px)) + 1

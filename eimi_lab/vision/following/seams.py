@@ -1,8 +1,4 @@
-"""Find an edge of the beam by dynamic programming, as the line at which the projected colour falls most.
-
-The projected colour is a weighted sum of the colours that is 1 inside the beam and 0 outside. The picture was sampled
-at stations (places) along the beam. A seam is a connected line with one point at each station.
-"""
+"""Find an edge of the beam by dynamic programming, as the line across which the colour changes most."""
 
 from __future__ import annotations
 
@@ -28,20 +24,20 @@ def fall_across(
     Parameters
     ----------
     share : ndarray, shape (n, m)
-        The weighted sum at n places along the beam and m points across it.
+        The weighted sum in the n rows and m columns of the straightened picture of the beam.
     outward : float
         -1 for the left edge, +1 for the right edge.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam, in widths of the beam.
+        Coordinates of the columns across the beam, in widths of the beam.
     stations_in_width : float
-        Number of places along the beam on a length of one width.
+        Number of rows on a length of one width of the beam.
     arm_widths : float
         Length on each side of a point over which the sum is averaged, in widths of the beam.
 
     Returns
     -------
     ndarray, shape (n, m)
-        The fall, which is 1 for a full step from inside to outside.
+        The fall; 1 for a full step from inside to outside.
     """
     arm = max(2, round(arm_widths / (across[1] - across[0])))
     padded = np.pad(share, ((0, 0), (arm, arm)), mode="edge")
@@ -54,14 +50,14 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k edges of the beam: the lines along which the colour changes most.
+    """Find k edges of the beam, as the lines across which the colour changes most.
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
-        Change of colour at n places along the beam and m points across it, for k edges.
+        Change of colour in the n rows and m columns of the straightened picture of the beam, for k edges.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam, in widths of the beam.
+        Coordinates of the columns across the beam, in widths of the beam.
     expected : ndarray, shape (k, n)
         Expected position of each edge across the beam, in widths of the beam.
     tolerance : float
@@ -92,7 +88,7 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _refined_positions(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Refine the positions of an edge between the sampled points across the beam, by parabolas through three points."""
+    """Refine the positions of an edge between the columns of the picture, by parabolas through three points."""
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

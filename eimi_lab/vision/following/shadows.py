@@ -1,24 +1,4 @@
-"""Detect edges that are borders of a shadow, by a colour projection in which a shadow is invisible.
-
-A colour projection is a weighted sum of the colours.
-
-In shadow, all colours of a surface in white light are darker by the same factor (R. Gershon, A. D. Jepson and J. K.
-Tsotsos, "Ambient illumination and the determination of material changes", J. Opt. Soc. Am. A 3 (1986) 1700). A
-projection that is orthogonal to the colour of the surroundings maps all multiples of this colour to 0. The border of a
-shadow on the surroundings then has no step. The edge of the beam keeps a step, unless the colour of the beam is also a
-multiple of the colour of the surroundings.
-
-The colours that count as inside the beam are usually those just inside the edge that was found before. If that edge is
-the border of a shadow, these are colours of the shadow. The first pass of the search therefore takes the colours of the
-beam from its middle.
-
-Three regions look like a shadow but belong to the beam: the thin rim of a translucent beam, the cut side of a coloured
-board and, in perspective, a side face of the beam. The rim has nearly the colour of the beam, so that nearly the whole
-change of colour is at the outer border of the rim. The cut side has another hue than the surroundings. In these two
-cases the outer border is kept as the edge, and the width of the region is recorded in `Seams.shadow`. A camera that
-stands higher or lower than the beam always sees a side face, whose width follows from the depth of the beam. A dark
-region therefore counts as a part of the beam if it is not wider than the side face.
-"""
+"""Detect edges that are borders of a shadow, by weighted sums of the colours in which a shadow is invisible."""
 
 from __future__ import annotations
 
@@ -52,11 +32,11 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam. For a grey picture the edges are returned unchanged.
+        The straightened picture of the beam. For a grey picture the edges are returned unchanged.
     colour_seams : Seams
         Both edges, located with all colours.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
 
     Returns
     -------
@@ -65,6 +45,10 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
+    # In shadow, all colours of a surface in white light are darker by the same factor (R. Gershon, A. D. Jepson and J.
+    # K. Tsotsos, J. Opt. Soc. Am. A 3 (1986) 1700). A sum that is orthogonal to the colour of the surroundings maps all
+    # multiples of this colour to 0: the border of a shadow has no step. The first pass takes the colours of the beam
+    # from its middle, because beside the border of a shadow they are colours of the shadow.
     body = find_colour_seams(unrolled, colour_seams.edge, noise, _TOLERANCES, shadowless=True)
     shift = np.array(OUTWARD)[:, None] * (colour_seams.edge - body.edge)
     window = max(3, round(_WINDOW * unrolled.stations_in_width))
@@ -74,6 +58,7 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     )
     clear = shadowless_separation > np.maximum(_LEAST_SEPARATION, _AS_SURE * separation)
     smooth_shift = scipy.ndimage.median_filter(shift, size=(1, window), mode="nearest")
+    # In perspective, a dark region may be a side face of the beam.
     least = np.maximum(noticed, unrolled.side_faces + _SIDE_SIGMAS * unrolled.side_sigma)
     moved = clear & (body.support > _HALF) & (smooth_shift > least)
     moved &= np.stack([is_dimmed(unrolled, *seams, window) for seams in zip(body.edge, colour_seams.edge, strict=True)])
@@ -82,6 +67,8 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
     if not dark.any():
         return colour_seams
     dark |= clear & (dark.mean(axis=1, keepdims=True) > _ALONG_IT)
+    # The cut side of a coloured board has another hue than a shadow. The rim of a translucent beam is excluded below.
+    # In these cases the outer border stays the edge, and only `shadow` tells of the region.
     of_surroundings = [
         _has_hue_of_surroundings(unrolled, *pair, window) for pair in zip(body.edge, colour_seams.edge, strict=True)
     ]
@@ -102,16 +89,14 @@ def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: floa
 
 def _is_rim(unrolled: UnrolledPicture, edge: Array, border: Array, moved: NDArray[np.bool_], window: int) -> bool:
     """Return whether the region between two lines along one side of a beam is its rim, and not its shadow."""
+    # a rim has nearly the colour of the beam: nearly the whole change of colour is at the outer border
     colours = [colour[moved] for colour in _three_colours(unrolled, edge, border, window)]
     at_edge, at_border = (np.median(np.linalg.norm(step, axis=1)) for step in -np.diff(colours, axis=0))
     return bool(at_edge < _LEAST_BODY_STEP * at_border)
 
 
 def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each place along the beam, whether the region between two lines beside it has the hue of a shadow.
-
-    The hue of a shadow is nearly that of the surroundings.
-    """
+    """Return, for each row of the picture, whether the region from edge to border has the hue of the surroundings."""
     colours = _three_colours(unrolled, edge, border, window)
     hues = [colour / np.maximum(colour.sum(axis=1, keepdims=True), 1.0) for colour in colours]
     of_body, of_region = (np.linalg.norm(hue - hues[2], axis=1) for hue in hues[:2])
@@ -119,7 +104,7 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 
 
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
-    """Return the mean colours of the beam, of the dark region beside it, and of the surroundings."""
+    """Return the mean colours of the beam, of the dark region beside the beam, and of the surroundings."""
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
     gap = np.abs(border - edge)[:, None]
@@ -132,7 +117,7 @@ def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window
 
 
 def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> NDArray[np.bool_]:
-    """Return, for each place along the beam, whether the region between an edge and a border beside it is in shadow."""
+    """Return, for each row of the picture, whether the region from an edge to a border beside it is in shadow."""
     outward = np.sign(border - edge)[:, None]
     beyond = outward * (unrolled.across - border[:, None])
     between = np.abs(unrolled.across - 0.5 * (edge + border)[:, None])
@@ -143,7 +128,7 @@ def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colour of the masked points around each place along the beam."""
+    """Return the mean colour of the masked points around each row of the picture."""
     in_image = (mask & unrolled.inside)[..., None]
     total = scipy.ndimage.uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
     count = scipy.ndimage.uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)
@@ -151,7 +136,7 @@ def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int)
 
 
 def merged(moved: NDArray[np.bool_], where_moved: ColourProjection, elsewhere: ColourProjection) -> ColourProjection:
-    """Return the weighted sum of colours `where_moved` at the places where the edge was moved, else `elsewhere`."""
+    """Return the weighted sum of the colours `where_moved` in the rows where the edge was moved, else `elsewhere`."""
     values = {}
     for field in fields(where_moved):
         one, two = getattr(where_moved, field.name), getattr(elsewhere, field.name)

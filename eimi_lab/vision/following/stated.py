@@ -26,18 +26,18 @@ class StatedBeam:
     axis_rad : float
         Direction of the beam at its clamp, clockwise from the image's +x.
     width_px, length_px : float
-        Width and length of the beam.
+        Mean width and length of the beam.
     line : CentreLine, optional
-        The centre line of the beam that is expected before the search.
+        Expected centre line of the beam.
     widths : ndarray, shape (k, 2), optional
-        How the width varies along the beam: distance from the clamp as a share of the length, and width as a share of
-        `width_px`, which is then the mean width. None if the width is constant.
+        Distance from the clamp divided by `length_px`, and width there divided by `width_px`. None for a constant
+        width.
     depth_px : float
-        Size of the beam along the line of sight, at the scale of the picture; 0 if the picture shows no perspective.
+        Size of the beam along the line of sight, at the scale of the picture; 0 without perspective.
     vanishing_px : ndarray, shape (2,), optional
-        Point toward which the far face of the beam is shifted in perspective. None if the picture shows no perspective.
+        Point toward which perspective shifts the far face of the beam; None without perspective.
     recession : float
-        This shift of the far face, as a share of the distance from `vanishing_px`.
+        This shift of the far face, divided by the distance from `vanishing_px`.
     """
 
     clamp_px: Array
@@ -89,13 +89,12 @@ class StatedBeam:
         places_px : ndarray, shape (n, 2)
             Points on the centre line.
         aside_px : ndarray, shape (n, 2)
-            At each point, a vector across the beam to the right, as seen from the clamp. Its length is the unit of the
-            result.
+            Vector across the beam to the right, as seen from the clamp. Its length is the unit of the result.
 
         Returns
         -------
         tuple of ndarray, shape (2, n)
-            The width of the left and of the right side face, 0 for a hidden one, and its uncertainty.
+            Width of the left and of the right side face, 0 for a hidden face, and its uncertainty.
         """
         if self.vanishing_px is None:
             return np.zeros((2, len(places_px))), np.zeros((2, len(places_px)))

@@ -1,9 +1,4 @@
-"""Find the edge of a beam that looks wider than stated, because the border of its shadow was taken as the edge.
-
-Beside a beam that lies on its own shadow, the border of the shadow may be the clearest line, and the shadow may have
-the hue of the beam. The beam can then be distinguished from its shadow only by its width, and not by colours
-(`shadows`). The true edge lies inside the border of the shadow.
-"""
+"""Move an edge inward, off the border of a shadow, if the beam looks wider than the specimen file states."""
 
 from __future__ import annotations
 
@@ -30,13 +25,13 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The picture, sampled along and across the beam.
+        The straightened picture of the beam.
     seams : Seams
         Both edges.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
     end : int
-        Number of sampled places before the end of the beam.
+        Number of rows of the straightened picture before the end of the beam.
 
     Returns
     -------
@@ -51,6 +46,8 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
         expected = seams.edge.copy()
         expected[row] = expected[1 - row] + OUTWARD[row] * stated
         other = find_colour_seams(unrolled, expected, noise, _TOLERANCES)
+        # The shadow may have the hue of the beam, and its border may be clearer than the edge: only the width shows the
+        # error.
         support = float(other.support[row, :end].mean())
         separation = float(np.median(other.projected[row].separation[:end]))
         edge = seams.edge.copy()
@@ -75,7 +72,7 @@ def _log_width(edge: Array, end: int) -> float:
 
 
 def _with_edge(seams: Seams, other: Seams, row: int, inward: Array) -> Seams:
-    """Return the edges `seams`, in which the edge `row` (0: left, 1: right) is replaced by the edge of `other`."""
+    """Return `seams` with the edge `row` (0: left, 1: right) of `other`."""
     moved = np.zeros(seams.edge.shape, dtype=bool)
     moved[row] = True
     left, right = (merged(*sides) for sides in zip(moved, other.projected, seams.projected, strict=True))

@@ -1,4 +1,4 @@
-"""Decide at which places (stations) along the beam each edge is reliable ("sure"), and where the beam ends."""
+"""Decide at which places along the beam each edge is reliable, and where the beam ends."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ _SURELY_BEAM = 0.9  # of the stated length, which is known to a tenth
 
 @dataclass(frozen=True)
 class Sides:
-    """The left and the right edge of the beam at n places along the beam, in a picture sampled along and across it.
+    """The left and the right edge in each of the n rows of the straightened picture of the beam.
 
-    The unit of length is the width of the beam in the specimen file.
+    Lengths are in widths of the beam in the specimen file.
 
     Attributes
     ----------
@@ -50,13 +50,13 @@ class Sides:
     support : ndarray, shape (2, n)
         Change of colour at the edge, from 0 to 1; 1 is a full step from the inside to the outside colour.
     sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable at each place.
+        Whether the edge is reliable.
     end : int
-        Number of places before the end of the beam.
+        Number of rows before the end of the beam.
     projected : tuple of ColourProjection
-        For each edge, the weighted sum of the colours in which the edge is located.
+        For each edge, the weighted sum of the colours that shows it.
     shadow : ndarray, shape (2, n)
-        Distance between an edge and the border of a possible shadow of the beam; 0 if no such border is found.
+        Distance between an edge and the border of a possible shadow of the beam; 0 without such a border.
     """
 
     edge: Array
@@ -68,23 +68,23 @@ class Sides:
 
     @property
     def width(self) -> Array:
-        """Width of the beam at each place along the beam, divided by its width in the specimen file."""
+        """Width of the beam in each row of the straightened picture, divided by the width in the specimen file."""
         return np.asarray(self.edge[1] - self.edge[0])
 
 
 def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: float = 0.0) -> Sides:
-    """Find both edges of the beam in a picture sampled along and across it, and where each edge is reliable.
+    """Find both edges in the straightened picture of the beam, and where each edge is reliable.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The sampled picture.
+        The straightened picture.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels on a scale from 0 to 255.
+        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
     length : float
         Length of the beam in the specimen file, in widths of the beam.
     clicked : float
-        Distance from the clamp of the last point that a person clicked, in widths of the beam. The beam does not end
+        Distance from the clamp, in widths of the beam, of the last point that a person clicked; the beam does not end
         before this point.
 
     Returns
@@ -114,7 +114,7 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the share of the beam's length on which the less clear edge is reliable, for the quality checks.
+    """Return the part (0 to 1) of the beam's length on which the less clear edge is reliable, for the quality checks.
 
     Parameters
     ----------
@@ -124,8 +124,8 @@ def sure_share(sound: Mask) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        The share, with its key among the quality checks: ``"followed_patches"`` if all gaps between reliable places are
-        shorter than a tenth of the length, else ``"followed_sides"``.
+        The part, by the key ``"followed_patches"`` if each gap between reliable places is shorter than a tenth of the
+        length, else by ``"followed_sides"``.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
@@ -134,7 +134,7 @@ def sure_share(sound: Mask) -> dict[str, float]:
 
 
 def _end(along: Array, sound: Mask, length: float) -> int:
-    """Return how many of the places along the beam, at which the picture was sampled, lie before its end."""
+    """Return how many rows of the straightened picture lie before the end of the beam."""
     # If only one edge continues near the length of the beam, it belongs to a body in the background.
     total = np.cumsum(sound.sum(axis=0) - 1)
     end = len(total) - int(total[::-1].argmax())
@@ -146,7 +146,7 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return whether each of the two edges is reliable at each place along the beam."""
+    """Return whether each edge is reliable in each row of the straightened picture."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -160,7 +160,7 @@ def _sound(
 def _turn(seam: Array, arm: int) -> Array:
     """Return the angle (rad, not negative) by which an edge turns at each of its points.
 
-    It is the angle between the lines to the points `arm` places before and `arm` places after this point.
+    The angle is measured between the lines to the points `arm` places before and `arm` places after.
     """
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
@@ -169,24 +169,12 @@ def _turn(seam: Array, arm: int) -> Array:
 
 
 def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: int) -> Mask:
-    """Return at which of n places a line is an edge of the beam, and not, say, the border of a shadow.
+    """Return, for each of the n points of a line, whether it belongs to an edge of the beam, and not, say, to a shadow.
 
-    The line is reliable at runs of places, with gaps between them. Runs that continue each other form a chain. The
-    result is True at the places of the longest chain.
-
-    Parameters
-    ----------
-    seam : ndarray, shape (n, 2)
-        The points of the line, px.
-    width : ndarray, shape (n,)
-        Width of the beam, divided by its width in the specimen file; NaN where the opposite edge is not reliable.
-    sound : ndarray of bool, shape (n,)
-        Whether the line is reliable at each place.
-    scale : float
-        Width of the beam in the specimen file, px.
-    lever : int
-        Number of places before a gap over which the direction of the line is measured.
+    `width`: width of the beam, divided by the stated width; NaN where unknown. `scale`: stated width of the beam, px.
+    `lever`: number of points from which a direction is computed.
     """
+    # Runs of reliable points that continue each other across a gap form a chain; the longest chain is the edge.
     step = np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8))
     chains: list[_Chain] = []
     long = round(_LONG / _LEVER * lever)
@@ -215,7 +203,7 @@ def _longest_chain(seam: Array, width: Array, sound: Mask, scale: float, lever: 
 
 @dataclass(frozen=True)
 class _Chain:
-    """Parts of one edge of the beam that were joined across gaps, because they probably belong to the same line.
+    """Parts of one edge of the beam that were joined across gaps.
 
     Attributes
     ----------
@@ -224,10 +212,9 @@ class _Chain:
     end : ndarray, shape (2,)
         The last point of the edge, px.
     foot, direction : ndarray, shape (2,)
-        The straight line through the last points of the edge: its point nearest to `end`, px, and the unit vector along
-        it, away from the clamp.
+        Straight line through the last points: its point nearest to `end`, px, and its unit vector away from the clamp.
     width : float
-        Median width of the beam near the last point, divided by its width in the specimen file; NaN if it is unknown.
+        Width of the beam near the last point, divided by its width in the specimen file; NaN if unknown.
     """
 
     stations: NDArray[np.int64]
@@ -241,20 +228,9 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Return the joined parts of one edge, with direction and width at their end.
+        """Join the parts of an edge at the places `stations`.
 
-        Parameters
-        ----------
-        seam : ndarray, shape (m, 2)
-            The points of the edge at all places along the beam, px.
-        width : ndarray, shape (m,)
-            Width of the beam, divided by its width in the specimen file; NaN where it is unknown.
-        stations : ndarray of int, shape (n,)
-            Indices of the joined places, from the clamp outward.
-        lever : int
-            Number of last places to which a straight line is fitted for the direction.
-        near : int
-            Number of last places over which the median of the width is taken.
+        The last `lever` points give the direction, the last `near` places the width.
         """
         last = seam[stations[-lever:]]
         end, middle = last[-1], last.mean(axis=0)

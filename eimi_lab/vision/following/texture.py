@@ -1,9 +1,4 @@
-"""Average the points of an edge along the edge where folds or texture of the surface displace them.
-
-The surface of a wrapped, woven or segmented body displaces the points of an edge by much more than the noise of the
-pixels, and neighbouring points by similar amounts. The edge of a bent beam does not vary like this: over half a width,
-it is smooth. The points of such an edge are therefore averaged along the edge.
-"""
+"""Average the points of a rough edge (folds, texture) along the edge."""
 
 from __future__ import annotations
 
@@ -29,9 +24,7 @@ _ALONE = 1e-9  # relative variance of the places in an average: below it, a poin
 
 
 def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
-    """Average the points of a rough edge along the edge; return a smooth edge unchanged.
-
-    An edge is rough if its points scatter by more than half a pixel about a smooth line.
+    """Average the points of an edge along the edge, if they scatter by more than half a pixel about a smooth line.
 
     Parameters
     ----------
@@ -43,13 +36,15 @@ def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
     Returns
     -------
     StripEdges
-        The edge with the averaged points and their standard deviations.
+        The edge with averaged points and their standard deviations, or the unchanged smooth edge.
     """
     if len(edge.points) < _FEWEST:
         return edge
     line = _SmoothLine.through(edge.points)
     if line.scatter < _ROUGH_PX:
         return edge
+    # Folds and texture displace neighbouring points by similar amounts, much larger than the noise of the pixels. The
+    # edge of a bent beam is smooth over half a width.
     # local straight lines with Gaussian weights (W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829), as wide as the
     # bend of the beam and the estimate of the scatter permit
     best = None

@@ -1,7 +1,4 @@
-"""Sample the image along the strip that shows the beam. In the result, the middle of the beam is straight.
-
-The strip is the band of the picture in which the search found the beam.
-"""
+"""Sample the image along and across the beam. In the sampled picture the beam is straight."""
 
 from __future__ import annotations
 
@@ -51,34 +48,32 @@ class ColourBins:
 
 @dataclass(frozen=True)
 class UnrolledPicture:
-    """A picture of the beam, sampled at n places along the beam and m points across the beam at each.
+    """The straightened picture of the beam: each of its n rows is read across the beam, at m points.
 
-    The unit of length is the width of the beam in the specimen file, unless px are given.
+    Lengths are in widths of the beam in the specimen file, unless px are given.
 
     Attributes
     ----------
     colours : ndarray, shape (n, m, channels)
-        Colours on a scale from 0 to 255.
+        Colours from 0 to 255.
     across : ndarray, shape (m,)
-        Coordinates of the m points across the beam; positive to the right as seen from the clamp.
+        Coordinates of the columns across the beam; positive to the right as seen from the clamp.
     along : ndarray, shape (n,)
-        Distance of each place from the clamp.
+        Distance of each row from the clamp.
     middle : ndarray, shape (n, 2)
-        Point on the approximate centre line of the beam at each place, px of the image.
+        Point of each row on the approximate centre line of the beam, px of the image.
     aside : ndarray, shape (n, 2)
         Vector across the beam whose length is the unit of length, px of the image.
     width : ndarray, shape (n,)
-        Approximate width of the beam at each place.
+        Approximate width of the beam.
     stated : ndarray, shape (n,)
-        Expected width of the beam in the picture at each place: the width in the specimen file plus the widths of the
-        visible side faces.
+        Expected width of the beam in the picture: stated width plus the visible side faces.
     inside : ndarray of bool, shape (n, m)
-        Whether each sampled point lies in the image and shows no body that crosses the beam.
+        Whether a point lies in the image and shows no body that crosses the beam.
     covered : ndarray of bool, shape (n, m), optional
-        Whether each sampled point shows a body that crosses the beam. None if no body does.
+        Whether a point shows a body that crosses the beam. None without such a body.
     side_faces : ndarray, shape (2, n) or (2, 1)
-        Width of the visible side face of the beam at the left and at the right edge at each place; 0 for a hidden face,
-        and without perspective.
+        Width of the visible side face of the beam at the left and at the right edge; 0 for a hidden face.
     side_sigma : ndarray, shape (2, n) or (2, 1)
         Standard uncertainty of `side_faces`.
     """
@@ -107,12 +102,12 @@ class UnrolledPicture:
 
     @property
     def stations_in_width(self) -> float:
-        """Number of sampled places along the beam on a length of one beam width."""
+        """Number of rows on a length of one width of the beam."""
         return 1.0 / _ALONG
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample a picture along the beam, from the clamp to 0.6 widths beyond the end of the beam.
+    """Sample a picture along and across the beam, from the clamp to 0.6 widths beyond the end of the beam.
 
     Parameters
     ----------
@@ -121,12 +116,12 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
     coarse : WorkingPicture
         The picture in which the beam was found.
     strip : Strip
-        The band of this picture that shows the beam.
+        The strip of the picture `coarse` that shows the beam.
 
     Returns
     -------
     UnrolledPicture or None
-        None if the band has fewer than five points.
+        None if the strip has fewer than five points.
     """
     places = fine_places(strip.place, coarse, fine)
     wide = fine.beam.width_px
@@ -164,5 +159,5 @@ def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> Unroll
 
 
 def fine_places(points: Array, coarse: WorkingPicture, fine: WorkingPicture) -> Array:
-    """Convert points from px of the picture in which the beam was searched to px of a finer picture."""
+    """Convert points from px of the picture `coarse` to px of the picture `fine`."""
     return fine.from_picture(coarse.to_picture(points))

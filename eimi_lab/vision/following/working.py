@@ -26,13 +26,13 @@ class WorkingPicture:
     Attributes
     ----------
     pixels : ndarray of float32, shape (height, width, channels)
-        Grey values on a scale from 0 to 255.
+        Grey values from 0 to 255.
     origin_px : ndarray, shape (2,)
         Upper left corner of this part in the image.
     factor : float
-        Factor by which the part of the image was enlarged.
+        Factor by which the part was enlarged.
     beam : StatedBeam
-        Place and size of the beam in this picture according to calibration and specimen file.
+        Expected place and size of the beam in this picture.
     """
 
     pixels: NDArray[np.float32]
@@ -66,9 +66,9 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
     Parameters
     ----------
     image : ndarray, shape (H, W, channels)
-        Grey values on a scale from 0 to 255; H rows, W columns.
+        Grey values from 0 to 255; H rows, W columns.
     beam : StatedBeam
-        Place and size of the beam in the image according to calibration and specimen file.
+        Expected place and size of the beam in the image.
     width_px : float
         Desired width of the beam in the scaled picture.
 
