@@ -1,7 +1,4 @@
-"""A user adds a new kind of load by one class, without a change of the package.
-
-The new load bends planar and solid beams, and fits can use it.
-"""
+"""A user adds a new kind of load by one class, without a change of the package."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ MU_PA = 46e3
 
 @dataclass(frozen=True)
 class TipMoment:
-    """A moment (N mm) on the magnet about the depth axis, with one value for each state."""
+    """A moment (N mm) on the magnet about the depth axis, one value for each load step."""
 
     moment_N_mm: np.ndarray
 
@@ -38,10 +35,9 @@ class TipMoment:
 
 @dataclass(frozen=True)
 class GradientForce:
-    """The force of a field gradient on the magnet, which acts on the dipole at the centre of the magnet.
+    """The force of a field gradient on a magnetic dipole.
 
-    numbers: for each of K states, two derivatives of the field in T/mm, shape (K, 2). The force along x is the moment
-    of the dipole times the first derivative, and the force along y is the moment times the second one.
+    numbers : derivatives of the field along x and y in T/mm, shape (K, 2) for K load steps
     """
 
     numbers: np.ndarray

@@ -1,4 +1,4 @@
-"""FElupe, an independent finite-element program, gives the same bending of a beam with a magnet as `eimi_fitting`."""
+"""The independent finite-element program FElupe computes the same bending of a beam as `eimi_fitting`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A replicate of the data (bootstrap) consists of whole states, which are drawn at random."""
+"""A bootstrap replicate of the data consists of whole load steps, drawn at random."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ STATES = 8
 
 
 def experiments() -> list[Experiment]:
-    """Return two experiments (beam model, loads and measurements): one with edges and one with tracked points.
-
-    All coordinates of a state have the index of the state as value. A test can thus see which states were drawn.
-    """
+    """Return two experiments, with edges and with tracked points; each coordinate is the index of its load step."""
     number = np.arange(float(STATES))
     loads = Loads.along(number, 90.0, 0.0, 1e-3 * number)
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", None))

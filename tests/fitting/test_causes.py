@@ -1,7 +1,4 @@
-"""The likely cause of the residuals of a fit, such as a tilted camera, is found.
-
-The tests use virtual benches with one error each, and linear models.
-"""
+"""The likely cause of the residuals of a fit, such as a tilted camera, is found."""
 
 from __future__ import annotations
 
@@ -54,15 +51,14 @@ def fit_of(
     is_rest_measured: bool = False,
     last: int | None = -2,
 ) -> Fit:
-    """Return a fit whose input files describe the beam, its loads or the camera wrongly.
+    """Return a fit that assumes the usual beam and camera, to simulated edges of a different beam or camera.
 
-    The edges are simulated with the true `specimen`, `loads` and errors of the camera (`setup`), and with a true
-    stiffness that is `stiffness` times the usual one (one number, or one number for each state). The fit assumes BEAM,
-    LOADS and no error of the camera.
-
-    stated: the uncertainties that the files give. seen: maps true positions to positions in the picture.
-    is_rest_measured: whether the fit uses the shape at rest that the states without a field show. last: end of the
-    slice of the points on each edge; with None, the points reach the tip.
+    specimen, loads, setup : true beam, loads and errors of the camera
+    stiffness : true stiffness relative to the usual one, for all load steps or for each
+    stated : standard uncertainties in the files
+    seen : function from true positions to positions in the picture
+    is_rest_measured : whether the fit uses the measured shape without a field
+    last : last point used on each edge; None for all points
     """
     model = BeamModel(specimen, 40, 4)
     moduli = np.unique(TRUTH_PA * np.broadcast_to(stiffness, len(loads)))

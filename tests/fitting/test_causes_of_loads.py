@@ -1,7 +1,4 @@
-"""Each possible cause of residuals that concerns the loads or the law changes the simulation as its description says.
-
-Examples of such causes are a wrong field and a law that lacks two terms.
-"""
+"""Causes of residuals that concern loads or law (such as a wrong field) change the simulation as described."""
 
 from __future__ import annotations
 
@@ -34,14 +31,14 @@ def changed(name: str, *amplitudes: float, loads: Loads = LOADS) -> Loads:
 
 
 class SimpleExperiment:
-    """A replacement for an experiment (beam model, loads and measurements) that has only loads."""
+    """A replacement for an experiment that has only loads."""
 
     def __init__(self, loads: Loads) -> None:
         self.loads = loads
 
 
 class Loaded:
-    """A replacement for the object with all assumptions of a fit; it has only the attribute `experiment`."""
+    """A replacement for the assumptions of a fit that has only the attribute `experiment`."""
 
     def __init__(self, experiment: Any) -> None:
         self.experiment = experiment
@@ -49,11 +46,7 @@ class Loaded:
 
 @pytest.fixture(autouse=True)
 def simple(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tested module also accept the simple objects `SimpleExperiment` and `Loaded` of this file.
-
-    The module changes attributes with `dataclasses.replace`, which accepts dataclasses only. Its function `replace` is
-    therefore exchanged.
-    """
+    """Let the tested module accept the replacements `SimpleExperiment` and `Loaded`."""
 
     def replaced(one: Any, **new: Any) -> Any:
         if isinstance(one, SimpleExperiment | Loaded):
@@ -117,10 +110,9 @@ def test_another_law_has_the_same_initial_modulus_and_two_more_terms(law: str, p
     invariant = stretch**2 + 2 / stretch
 
     def added(quadratic: float, second: float) -> np.ndarray:
-        """Return the engineering stress that two additional terms of the law cause at the stretches of the test.
+        """Return the engineering stress 2 (l - l^-2) (dW/dI1 + dW/dI2 / l) of two additional terms of the law.
 
-        At the stretch l, this stress is 2 (l - l^-2) (dW/dI1 + dW/dI2 / l), with the energy W of the two terms.
-        `quadratic` and `second` are the amplitudes of the term in (I1 - 3)^2 and of the term in I2.
+        l: stretch; W: energy of both terms; quadratic, second: their factors of (I1 - 3)² and I2.
         """
         by_first = 2 * quadratic * (invariant - 3) - 0.5 * second
         return 2 * modulus * (stretch - stretch**-2) * (by_first + 0.5 * second / stretch)

@@ -1,4 +1,4 @@
-"""The field of two current loops, and the torque and force on a magnet in this field, agree with textbook formulas."""
+"""The field of two current loops, and its torque and force on a magnet, agree with textbook formulas."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ LAW, MODULUS_PA = LAWS["neo-hookean"], np.array([[46e3]])
 
 
 def helmholtz(radius_mm: float, centre_mm: tuple[float, float] = (28.0, 0.0)) -> CoilShape:
-    """Return the field of a Helmholtz coil (radius and centre in mm) whose axis lies across the beam."""
+    """Return the field of a Helmholtz coil whose axis lies across the beam (radius and centre in mm)."""
     return CoilShape(ACROSS, table=FieldTable.of_loops(radius_mm, radius_mm, centre_mm, ACROSS, 34.0))
 
 
 def field_at(shape: CoilShape, points_mm: np.ndarray, rest_mm: tuple[float, float] = (28.0, 0.0)) -> np.ndarray:
-    """Return the field (x, y) at n points in mm, shape (n, 2), divided by the field along y at the magnet at rest.
+    """Return the field (x, y) at n points in mm, shape (n, 2), relative to the field at the magnet at rest.
 
-    rest_mm: position of the magnet at rest.
+    rest_mm : position of the magnet at rest
     """
     field = 1j * shape.ratio(np.asarray(points_mm, float), np.array(rest_mm))[0]
     return np.stack([field.real, field.imag], axis=1)
@@ -65,11 +65,7 @@ def test_the_radial_field_near_the_axis_agrees_with_its_series():
 
 
 def test_the_table_of_a_helmholtz_coil_has_its_published_uniformity():
-    """The field of a Helmholtz coil decreases with the distance from its centre as the published series says.
-
-    Along the axis, B/B0 = 1 - 144/125 (z/R)^4 to fourth order; across the axis, 1 - 54/125 (rho/R)^4. B0 is the field
-    in the centre, R the radius, z and rho the distances from the centre along and across the axis.
-    """
+    # B/B0 is 1 - 144/125 (z/R)^4 along and 1 - 54/125 (rho/R)^4 across the axis, to fourth order.
     shape = helmholtz(100.0)
     along = field_at(shape, [[28.0, 10.0]])[0, 1]
     across = field_at(shape, [[18.0, 0.0]])[0, 1]
@@ -161,10 +157,7 @@ def test_magnetised_silicone_in_a_wide_coil_bends_as_in_a_uniform_field(model):
 
 
 def test_a_gradient_pulls_a_magnet_with_the_force_of_its_dipole_on_a_cantilever():
-    """A field gradient exerts the force F = m dB/dx on a magnet, which deflects a thin beam by F L^3 / (3 E I).
-
-    The field is parallel to the moment m, so that it exerts no torque.
-    """
+    # The force is F = m dB/dx with B parallel to m (no torque); the deflection is F L^3 / (3 E I).
     thin = replace(BEAM, length_mm=60.0, width_mm=1.0, magnet=replace(MAGNET, length_mm=1.0, width_mm=1.0))
     field_T = 1e-4
     shape = CoilShape((1.0, 0.0), (0.0, 5.0))  # the field is stronger toward +y, so that the force acts sideways
@@ -183,7 +176,7 @@ def test_a_coil_that_passes_through_the_beam_is_refused():
 
 
 def modulus_of(assumed: Loads, hidden: Loads, *stated: StatedSource) -> Estimate:
-    """Return the estimate of a fit that assumes the loads `assumed`, although the beam has the true loads `hidden`."""
+    """Return the modulus of a fit that assumes the loads `assumed` for a beam under the loads `hidden`."""
     model = BeamModel(BEAM, 26, 2)
     sides = points_on(edge_curves(model, model.solve(LAW, MODULUS_PA, hidden))[0], 2)[:, :, 1:-1]
     noisy = sides + np.random.default_rng(1).normal(0, 1e-3, sides.shape)
@@ -196,11 +189,7 @@ def modulus_of(assumed: Loads, hidden: Loads, *stated: StatedSource) -> Estimate
 
 
 def test_an_ignored_coil_changes_the_modulus_as_an_independent_program_computes():
-    """A fit that takes the field of a small coil as uniform gives a modulus that is 8.5 % too large.
-
-    The field of this coil is 2 % lower 15 mm from its centre. An independent program with 27-node hexahedra has
-    computed the same error.
-    """
+    # The field is 2 % lower 15 mm from the centre; a program with 27-node hexahedra also gives an error of 8.5 %.
     uniform = Loads.along(np.linspace(0.0, 7.05, 6))
     small = helmholtz(41.0)
     assert field_at(small, [[28.0, 15.0]])[0, 1] == pytest.approx(0.98, abs=3e-3)

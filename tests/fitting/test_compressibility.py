@@ -1,7 +1,4 @@
-"""The bending of a beam of compressible silicone agrees with beam theory.
-
-In beam theory, a Poisson's ratio below one half changes Young's modulus, and thereby the bending.
-"""
+"""The bending of a beam of compressible silicone agrees with beam theory."""
 
 from dataclasses import replace
 

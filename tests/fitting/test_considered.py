@@ -1,4 +1,4 @@
-"""The interval of a fit contains the effect of each uncertain input, whether the fit estimates this input or not."""
+"""The interval of a fit contains the effect of every uncertain input, whether the fit estimates the input or not."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def noisy_edges(
     law: str = "neo-hookean",
     parameters: tuple[float, ...] = (TRUTH_PA,),
 ) -> EdgeObservation:
-    """Return the noisy edges of a beam; by default a neo-Hookean beam with a modulus of 46 kPa.
+    """Return the simulated noisy edges of a beam; by default neo-Hookean with a modulus of 46 kPa.
 
-    scale: factor on all coordinates, as from a wrong scale of the camera.
+    scale : factor on all coordinates, as from a wrong scale of the camera
     """
     model = BeamModel(beam, 26, 2)
     shapes = model.solve(LAWS[law], np.array([parameters]), loads)
@@ -48,9 +48,9 @@ def noisy_edges(
 
 
 def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float) -> Experiment:
-    """Return an experiment (beam model, loads and measured edges) with the dimensions of `beam`.
+    """Return an experiment with the measured edges and the dimensions of `beam`.
 
-    stated: standard uncertainties of the inputs, by the names of the inputs.
+    stated : standard uncertainties of the inputs, by name
     """
     stated_sources = tuple(
         StatedSource(source.replace("_", "-"), size, "specimen 1") for source, size in stated.items()
@@ -59,12 +59,12 @@ def experiment(observed: EdgeObservation, beam: Specimen = BEAM, **stated: float
 
 
 def fitted(*experiments: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
-    """Return the estimate (values with intervals) of a neo-Hookean fit to these experiments, without search."""
+    """Return the result of a neo-Hookean fit to these experiments, which starts near the optimum."""
     return estimated("neo-hookean", *experiments, free=free)
 
 
 def estimated(law: str, *seen_so: Experiment, free: tuple[NuisancePrior, ...] = ()) -> Estimate:
-    """Return the estimate of a fit of several experiments, which starts at a modulus 10 % too large, without search."""
+    """Return the result of a fit that starts at a modulus 10 % too large; `law` is the law of the material."""
     return refined(law, seen_so, 1.1 * TRUTH_PA, free=free).estimate
 
 
@@ -83,17 +83,13 @@ THICKER = replace(BEAM, width_mm=3.03)
 
 @pytest.fixture(scope="module")
 def thicker() -> Estimate:
-    """The estimate of a beam whose width differs from the width in its file by 1.5 standard uncertainties.
-
-    This fit searches the parameters in their whole range. The fits of the other estimates in this file start near the
-    optimum.
-    """
+    """The result of a fit whose beam is wider than its file says, by 1.5 standard uncertainties."""
     return identify("neo-hookean", [experiment(noisy_edges(THICKER), width=0.02)])
 
 
 @pytest.fixture(scope="module")
 def magnetic() -> Estimate:
-    """The estimate of a fit: the file gives the true magnetic moment, with an uncertainty of 2 %."""
+    """The result of a fit with an uncertainty of 2 % of the magnetic moment."""
     return fitted(experiment(noisy_edges(), remanence=0.02))
 
 
@@ -206,11 +202,7 @@ def test_intervals_are_the_quantiles_of_the_draws(magnetic):
 
 @pytest.mark.parametrize("off_mm", [0.2, -0.2])
 def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_truth(off_mm):
-    """If a wrong length drives a parameter to a bound, the interval of the modulus still contains the right modulus.
-
-    The file gives a length that is wrong by two standard uncertainties. The right modulus is the result of a fit with
-    the true length. The parameter at the bound is C01 / (C10 + C01) of the Mooney-Rivlin law.
-    """
+    # The length is wrong by two standard uncertainties; the parameter at the bound is C01 / (C10 + C01).
     longer = replace(BEAM, length_mm=BEAM.length_mm + off_mm)
     edges = noisy_edges(longer, law="mooney-rivlin", parameters=(0.4 * TRUTH_PA, 0.1 * TRUTH_PA))
     stated = {"length": 0.1, "width": 0.02, "remanence": 0.01, "magnet_length": 0.03, "scale": 0.001}
@@ -228,11 +220,7 @@ def test_a_source_that_drives_a_parameter_to_a_bound_widens_the_interval_to_the_
 
 
 def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
-    """If the wrong law drives a parameter to a bound, the uncertain inputs do not shift the interval of the modulus.
-
-    A parameter can be at a bound because an input, such as the length, is wrong. Here the length is accurate, and the
-    law is wrong: a fit of the Mooney-Rivlin law to a Yeoh material drives C01 / (C10 + C01) to a bound.
-    """
+    # The length is right, and a Mooney-Rivlin fit to a Yeoh material drives C01 / (C10 + C01) to a bound.
     edges = noisy_edges(law="yeoh", parameters=(0.5 * TRUTH_PA, -0.8 * TRUTH_PA, TRUTH_PA))
     estimate = estimated("mooney-rivlin", experiment(edges, length=0.002))
     assert len(estimate.identifiability.at_bound) == 1
@@ -250,10 +238,7 @@ def test_a_misfit_of_the_law_at_a_bound_is_not_attributed_to_the_sources():
     ],
 )
 def test_a_wrong_width_favours_no_law(law, parameters):
-    """A wrong width and length, within their uncertainties, do not change which law is chosen.
-
-    The two errors cause residuals ten times as large as the noise, and larger than the differences between the laws.
-    """
+    # The residuals are ten times the noise, and larger than the differences between the laws.
     wrong = replace(BEAM, width_mm=3.03, length_mm=30.15)
     edges = experiment(noisy_edges(wrong, law=law, parameters=parameters), length=0.1, width=0.02, remanence=0.01)
     estimates = {model: estimated(model, edges) for model in ("neo-hookean", "mooney-rivlin", "yeoh")}
@@ -281,11 +266,7 @@ def test_a_wrong_width_favours_no_law(law, parameters):
 
 
 def test_datasets_of_one_specimen_are_compared_with_one_error_of_its_width():
-    """Two datasets of one specimen share one error of its width; datasets of two specimens have two errors.
-
-    The edges are those of a wider and of a narrower beam than the file says. Two errors explain these edges, and only
-    the noise remains. One common error cannot explain them, so that large residuals remain.
-    """
+    # One beam is wider and one narrower than the file says: only two separate errors of the width explain this.
     beams = [replace(BEAM, width_mm=3.0 + off) for off in (0.03, -0.03)]
     one, other = (experiment(noisy_edges(beam, seed=seed), width=0.02) for seed, beam in enumerate(beams, 1))
     apart = replace(other, stated=(StatedSource("width", 0.02, "specimen 2"),))

@@ -1,8 +1,4 @@
-"""The local optimisation that ends a fit finds the optimum on the finer mesh of the correction.
-
-The search before it uses a coarse mesh. The optimum is found even if the search ends at parameters with which the beam
-is stable on the coarse mesh, but has no equilibrium on the finer mesh.
-"""
+"""The last local optimisation of a fit finds the optimum on a finer mesh than the mesh of the search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The states chosen for the next run give the narrowest interval, and this interval is as wide as predicted."""
+"""The load steps chosen for the next run give the narrowest interval, which is as wide as predicted."""
 
 from __future__ import annotations
 
@@ -30,20 +30,16 @@ NOISE = EdgeNoise(residual_mm=0.005, points=200, alike=10.0)
 
 
 def of_fields(count: int, *sources: StatedSource, gravity_angle_deg: float | None = 0.0) -> Candidates:
-    """Return `count` states at equally spaced fields, from which a plan may choose the states of the next run.
+    """Return `count` load steps at equally spaced fields, from which a plan chooses.
 
-    sources: the inputs that are uncertain in the next run, with their standard uncertainties.
+    sources : uncertain inputs with their standard uncertainties
     """
     loads = Loads.along(np.linspace(0.0, 7.05, count), gravity_angle_deg=gravity_angle_deg)
     return candidates(NEO_HOOKEAN, BEAM, loads, sources, NOISE)
 
 
 def test_the_exchange_finds_the_best_of_all_choices() -> None:
-    """The exchange algorithm, which replaces one chosen state at a time, finds the best of 120 choices.
-
-    The choices are all choices of three states (coil currents) out of ten. One uncertain input affects some states more
-    than others, so that the choice matters.
-    """
+    # All 120 choices of three states out of ten; the exchange algorithm replaces one chosen state at a time.
     plan = of_fields(10, StatedSource("clamp", 0.1, "here"), StatedSource("gravity", 1.0, "here"))
     every = np.array(list(combinations(range(10), 3)))
     assert plan.variance(exchange(plan, 3)[None])[0] == pytest.approx(plan.variance(every).min())
@@ -52,10 +48,7 @@ def test_the_exchange_finds_the_best_of_all_choices() -> None:
 
 
 def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
-    """Without gravity, an error of 1 % of the coil constant changes the modulus by 1 %, whatever states are chosen.
-
-    The edges then depend only on the ratio of field and modulus.
-    """
+    # Without gravity, the edges depend only on the ratio of field and modulus.
     plan = of_fields(8, StatedSource("coil", 0.01, "coil"), gravity_angle_deg=None)
     assert plan.least_percent(1000) == pytest.approx(1.96, rel=1e-2)
     assert plan.effects_percent(exchange(plan, 3))["coil constant"] == pytest.approx(1.0, rel=5e-3)
@@ -68,10 +61,6 @@ def test_no_choice_of_fields_reduces_an_error_that_scales_the_field() -> None:
     ("bench", "gravity_angle_deg"), [(Bench((), 0.02), 0.0), (Bench(stated(), 0.005), 90.0)], ids=["noise", "bench"]
 )
 def test_the_interval_is_as_wide_as_predicted(bench: Bench, gravity_angle_deg: float) -> None:
-    """The half-width of the interval is within 20 % of the half-width that the plan predicts.
-
-    A plan chooses the states of the next run, here from the fit of an earlier run with equally spaced fields.
-    """
     rng = np.random.default_rng(3)
     before, after = Setting("hanging", BEAM), Setting("next", BEAM, gravity_angle_deg)
     spaced = before.loads().take(equally_spaced(31, 5))
@@ -100,10 +89,6 @@ def test_a_goal_that_the_law_does_not_have_is_refused() -> None:
 
 
 def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
-    """The square of the remaining error of the solid model is added to the squared half-width of every plan.
-
-    A plan is a choice of the states of the next run. Both numbers are half-widths in per cent of the modulus.
-    """
     loads = Loads.along(np.linspace(0.0, 7.05, 6))
     without, with_error = (
         candidates(NEO_HOOKEAN, replace(BEAM, section="solid"), loads, (), replace(NOISE, left_percent=left))
@@ -116,11 +101,6 @@ def test_the_remaining_error_of_the_solid_is_added_to_every_plan() -> None:
 
 
 def test_only_a_planar_specimen_has_the_error_of_a_mesh() -> None:
-    """A plan for a beam in plane stress or strain includes the error of the mesh, and a plan for a solid does not.
-
-    A plan is a choice of the states of the next run. The remaining error of the solid model already contains
-    the error of its mesh.
-    """
     loads = Loads.along([2.0, 4.0])
     sources = (StatedSource("width", 0.02, "here"),)
     of_section = {
@@ -140,11 +120,7 @@ def test_equally_spaced_states_include_both_ends(states: int, count: int) -> Non
 
 
 def test_the_noise_of_a_plan_follows_the_points_of_the_earlier_fit() -> None:
-    """If the edges of the earlier fit have four times as many points, a plan predicts half the half-width from noise.
-
-    Only the number of independent points counts. The half-width is also compared with a calculation by hand, in which
-    Student's factor for the four states of the plan is 2.2.
-    """
+    # Student's factor for the four states of the plan is 2.2; four times the points halve the half-width from noise.
     few, many = (
         candidates(NEO_HOOKEAN, BEAM, Loads.along([2.0, 4.0, 5.0, 6.0]), (), replace(NOISE, points=points))
         for points in (200, 800)

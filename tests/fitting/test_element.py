@@ -1,7 +1,4 @@
-"""The forces and the tangent stiffness of the planar element are derivatives of one energy.
-
-They are also objective (a rotation of the element rotates the forces), isotropic and symmetric.
-"""
+"""Forces and stiffness of the planar element are derivatives of one energy, objective, isotropic and symmetric."""
 
 from __future__ import annotations
 
@@ -38,20 +35,15 @@ def one_element(name: str, section: str) -> tuple[Mesh, Operators, Batch]:
 
 
 def deformation(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return random nodal displacements of one element, shape (1, 1, 2, 9), and pressures, shape (1, 1, 3).
-
-    The displacements are x and y at nine nodes, and stretch the element by some tens of per cent.
-    """
+    """Return random nodal displacements of one element, shape (1, 1, 2, 9), and pressures, shape (1, 1, 3)."""
     rng = np.random.default_rng(seed)
     return rng.normal(0, 0.05, (1, 1, 2, 9)), rng.normal(0, 0.1, (1, 1, 3))
 
 
 def potential(ops: Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the potential of a planar element; its derivatives with respect to the displacements are nodal forces.
+    """Return the potential energy of a planar element: the integral of psi(F) + p (J - 1).
 
-    The potential is the integral of psi(F) + p (J - 1) over the element, with the energy psi of the law, the
-    deformation gradient F, its determinant J and the pressure p. In plane stress there is no pressure. ops: the shape
-    functions of the element. batch: the law. nodal: displacements of the nodes.
+    psi: energy of the law; F: deformation gradient; J: its determinant; p: pressure (absent in plane stress).
     """
     ev = element.evaluate(ops, batch, nodal, pressure)
     density = ev.energy.value
@@ -128,7 +120,8 @@ def rotation(angle: float) -> np.ndarray:
 def forces_at(mesh: Mesh, batch: Batch, places: np.ndarray, pressure: np.ndarray) -> np.ndarray:
     """Return the forces (x, y) on the nine nodes of one element, shape (2, 9).
 
-    places: positions (x, y) of the nodes, shape (2, 9). pressure: pressures of the element. batch: the law.
+    batch : the law
+    places : positions (x, y) of the nodes, shape (2, 9)
     """
     nodal = (places - mesh.nodes[mesh.elements[0]].T)[None, None]
     return element.evaluate(element.operators(mesh), batch, nodal, pressure).force[0, 0]

@@ -1,8 +1,4 @@
-"""Parts of the estimate of a fit are compared with calculations by hand.
-
-The parts are: the bounds of the errors of the beam model; the wider intervals if there are few edges; the derivatives
-of the parameters with respect to the coordinates of the search; the linearised residuals.
-"""
+"""Parts of the result of a fit (error bounds, widened intervals, derivatives) agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -26,9 +22,10 @@ LOG_RANGE = np.log(100.0)
 def effect(moved: list[float], share: float, change: float, least_percent: float = 0.0, name: str = "finer") -> Any:
     """Return the effect of a better beam model, such as a finer mesh, on the result of a fit.
 
-    moved: change of the unknowns (the modulus first) at the optimum. share: share of this change that remains
-    uncertain. change: change of the derivative of the log-likelihood with respect to the modulus. least_percent:
-    smallest bound of the remaining error of the modulus (%). name: name of the better model.
+    moved : change of the unknowns at the optimum, the modulus first
+    share : share of this change that remains uncertain
+    change : change of the derivative of the log-likelihood with respect to the modulus
+    least_percent : lower bound of the remaining error of the modulus (%)
     """
     return SimpleNamespace(
         moved=np.array(moved),
@@ -54,12 +51,7 @@ def test_the_share_of_a_correction_that_remains_uncertain_bounds_the_errors_of_a
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_error_of_the_modulus_is_at_least_that_with_the_other_unknowns_fixed(sign: float) -> None:
-    """The bound of the error of the modulus is at least as large as if all other unknowns were fixed.
-
-    A better beam model changes the derivative of the log-likelihood by 5. With a second derivative of 50, this moves
-    the modulus by 5 / 50 = 0.1 if the other unknowns are fixed. Half of the change remains uncertain, and the bound is
-    0.05.
-    """
+    # With the other unknowns fixed, the modulus moves by 5 / 50 = 0.1; half of this remains uncertain.
     model_errors, modulus_errors = bounds(effect([0.02, 0.0], 0.5, sign * 5.0))
     assert np.hypot(model_errors[0, 0], modulus_errors[0]) == pytest.approx(0.05)
     assert modulus_errors[0] == pytest.approx(np.sqrt(0.05**2 - 0.01**2))
@@ -160,12 +152,7 @@ def test_the_noise_of_a_tensile_curve_is_at_least_that_of_a_fit_to_the_curve_alo
 
 
 def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_errors() -> None:
-    """The derivatives of the residuals with respect to the unknowns are computed by central differences.
-
-    In this test, the residuals of three tracked points in two states, the residuals of tensile curves and the priors
-    are linear in two unknowns, so that the differences give the true derivatives. The weight of a state depends on its
-    error.
-    """
+    # All residuals are linear in two unknowns, so that central differences give the exact derivatives.
     rng = np.random.default_rng(3)
     distance = np.array([0.1, 0.4])
     steps = np.array([[0, 0], [0.05, 0], [0, 0.2], [-0.05, 0], [0, -0.2]])
@@ -221,7 +208,8 @@ def test_the_evidence_is_linearised_by_central_differences_and_weighted_by_its_e
 class Bending:
     """A replacement for a beam model, whose residuals are 1 plus three times the error of an input.
 
-    If the error is above `limit`, the beam has no equilibrium. `solved` lists the errors for which the beam was solved.
+    limit : error above which the beam has no equilibrium
+    solved : errors for which the beam was solved
     """
 
     def __init__(self, limit: float, status: Status = Status.CONVERGED) -> None:

@@ -1,7 +1,4 @@
-"""If a beam has no equilibrium, its solution ends with a status instead of NaN, and other beams are not affected.
-
-The beam has no equilibrium if a parameter of the law or a load is far too large, not finite or has the wrong sign.
-"""
+"""If a beam has no equilibrium, its solution ends with a status instead of NaN, and other beams are not affected."""
 
 from __future__ import annotations
 

@@ -23,8 +23,7 @@ MU = np.array([[0.05e6]])
 def magnet_tipped(depth_share: float = 1.0) -> tuple[Specimen, float]:
     """Return a beam of 30 x 3 mm with a rigid magnet of 4 mm at its tip, and a field (mT).
 
-    In this field, the moment of the magnet times the field is 0.0323 N mm for each mm of depth. depth_share: share of
-    the depth that the magnet fills.
+    depth_share : share of the depth of the beam that the magnet fills
     """
     magnet = Magnet(4.0, 3.0, 1.0, 1.0, 7500.0)
     depth = 1.0 / depth_share

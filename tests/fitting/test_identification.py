@@ -1,4 +1,4 @@
-"""Known materials are identified from simulated edges with noise."""
+"""A fit to simulated edges with noise finds the parameters of the material."""
 
 from __future__ import annotations
 
@@ -26,10 +26,7 @@ NOISE_MM = 1e-3
 
 
 def measured(model: str, parameters: list[float], seed: int = 0) -> Experiment:
-    """Return an experiment (beam model, loads and noisy edges) of a beam of a known material.
-
-    The edges are simulated on a finer mesh than the mesh of the fit.
-    """
+    """Return a simulated experiment: noisy edges of a beam of a known material, on a finer mesh than that of a fit."""
     rng = np.random.default_rng(seed)
     fine, loads = BeamModel(SPECIMEN, 30, 3), Loads.along(FIELD_MT)
     shapes = fine.solve(LAWS[model], np.array([parameters]), loads)
@@ -73,8 +70,6 @@ def test_without_an_equilibrium_on_the_finer_mesh_there_is_a_doubt(neo_hookean, 
 
 
 def test_an_optimum_that_is_unstable_on_the_finer_mesh_still_gets_a_mesh_correction(neo_hookean):
-    """A fit corrects its result by a finer mesh even if the equilibrium of the beam is unstable on the finer mesh."""
-
     def compared(experiments, unstable=False):
         return replace(compare(LAWS["neo-hookean"], np.array([[46e3]]), experiments), unstable=np.array([unstable]))
 

@@ -1,4 +1,4 @@
-"""The formulas of the inference are right for numbers that can be checked by hand or by an exhaustive search."""
+"""Formulas of the statistical inference agree with calculations by hand or with an exhaustive search."""
 
 from __future__ import annotations
 
@@ -134,9 +134,9 @@ def comparison(mean_mm: list[float], states: int = 4) -> Any:
 def evaluation(mean_mm: list[float], z: list[list[float]], states: int = 4) -> Evaluation:
     """Return what the search computes for several candidates (sets of parameters).
 
-    mean_mm: mean error of the edges for each candidate. z: three standardised residuals for each candidate, of a row of
-    a tensile curve, of a nuisance (an uncertain input) and of a prior on the law. states: number of states (load
-    steps).
+    mean_mm : mean error of the edges of each candidate
+    z : standardised residuals of each candidate: of a tensile curve, an uncertain input and a prior on the law
+    states : number of load steps
     """
     columns = [np.array(z)[:, k : k + 1] for k in range(3)]
     return Evaluation(comparison(mean_mm, states), columns[0], columns[1], columns[2], 50.0)
@@ -299,9 +299,10 @@ def test_numbers_are_stored_with_seven_digits() -> None:
 
 
 def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
-    """Return K states of one edge with m points each, all of which are used with the weight 1.
+    """Return K load steps of one edge with m points, all with the weight 1.
 
-    residuals: shape (K, m). slopes: their derivatives with respect to n unknowns, shape (n, K, m).
+    residuals : shape (K, m)
+    slopes : derivatives of the residuals with respect to n unknowns, shape (n, K, m)
     """
     count = np.full(len(residuals), float(residuals.shape[1]))
     error = np.sqrt((residuals**2).mean(axis=1))
@@ -312,11 +313,7 @@ def states_of(residuals: np.ndarray, slopes: np.ndarray) -> LinearStates:
 
 @pytest.mark.parametrize(("states", "folds"), [(6, 5), (3, 5), (6, 2), (2, 5)])
 def test_the_error_of_omitted_states_is_that_of_fits_without_them(states: int, folds: int) -> None:
-    """The error of omitted states equals the error of least-squares fits to the other states.
-
-    The states are divided into at most `folds` groups, and each group is omitted once. The error of omitted states is
-    computed by one step from the fit to all states. This step is exact, because the model of this test is linear.
-    """
+    # The model is linear, so that one step from the fit to all states gives the exact fit without a group of states.
     rng = np.random.default_rng(states + folds)
     slopes, data = rng.normal(size=(2, states, 5)), rng.normal(size=(states, 5))
     rows = slopes.transpose(1, 2, 0)
@@ -340,9 +337,9 @@ MODULI = np.geomspace(1e2, 1e8, 13)
 
 
 def scan(*valid_mm: float, first: int = 5) -> Scan:
-    """Return a scan: the errors of fits with 13 given moduli, two for each decade.
+    """Return the errors of fits with 13 given moduli, two for each factor of ten.
 
-    The moduli from the index `first` on have the errors `valid_mm`. With all other moduli the beam has no equilibrium.
+    valid_mm : errors of the moduli from the index `first` on; other moduli have no equilibrium
     """
     objective = np.full(len(MODULI), DISCARDED_MM)
     objective[first : first + len(valid_mm)] = valid_mm
@@ -357,10 +354,7 @@ def test_the_bounds_of_the_search_lie_three_decades_about_the_best_modulus() -> 
 
 
 def test_the_bounds_of_the_search_contain_all_moduli_that_are_as_good() -> None:
-    """The search covers all moduli whose error is within 2 % of the smallest error, and half a decade at both ends.
-
-    In this test, the largest of these moduli is 10^2.5 times the smallest.
-    """
+    # Moduli within 2 % of the smallest error span a factor 10^2.5; half a decade is added at both ends.
     found = scan(0.1, 0.1019, 0.5, 0.1, 0.1, 0.1019, 0.1021, first=2)
     assert found.searched() == pytest.approx((10**2.5, 10**6.0), rel=0.02)
 
@@ -428,10 +422,7 @@ def experiment(sigma_mm: float, states: int, noise_mm: float | None = None) -> A
 
 
 class Observed:
-    """A replacement for an experiment with the edges of a beam of 2 mm width.
-
-    `dataclasses.replace` can change its measured edges.
-    """
+    """A replacement for an experiment with the edges of a beam of 2 mm width."""
 
     def __init__(self, observed: EdgeObservation, model: Any) -> None:
         self.observed, self.model = observed, model
@@ -439,7 +430,7 @@ class Observed:
 
 @pytest.fixture
 def deflected(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """A dictionary whose value `mm` is the largest deflection (mm) of every experiment; a test can change the value."""
+    """A dictionary whose value `mm` is the largest deflection of every experiment; a test can change the value."""
     largest = {"mm": 10.0}
     monkeypatch.setattr(checks, "deflection_mm", lambda experiment: largest["mm"])
     monkeypatch.setattr(
@@ -547,10 +538,9 @@ def test_rivals_have_a_tenth_of_the_probability_and_are_not_present_together() -
 
 
 def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
-    """Return the linearised residuals of a fit with two unknowns, a parameter of the law and a nuisance.
+    """Return the linearised residuals of a fit with two unknowns: a parameter of the law and an uncertain input.
 
-    A nuisance is an uncertain input that the fit estimates too. There are residuals of two states, two rows of a
-    tensile curve, the nuisance and a prior on the law. unit: both unknowns in coordinates of the search, from 0 to 1.
+    unit : values of both unknowns, scaled to 0 to 1
     """
     rng = np.random.default_rng(8)
     states = replace(states_of(rng.normal(size=(2, 5)), rng.normal(size=(2, 2, 5))), weights=np.array([2.0, 3.0]))
@@ -577,11 +567,9 @@ def evidence(unit: tuple[float, float] = (0.5, 0.4)) -> Linearisation:
 
 
 def minus_log_likelihood(about: Linearisation, step: np.ndarray, law_prior: bool = True) -> float:
-    """Return minus the log-likelihood with its priors, up to a constant, at a step from the optimum of `about`.
+    """Return minus the log-likelihood of two unknowns, up to a constant, at a step (2,) from the optimum of `about`.
 
-    `step` contains the changes of two unknowns. The first is a parameter of the law, with a weak normal prior in place
-    of the bounds of the search. The second is a nuisance (an uncertain input), which differs from its nominal value by
-    0.7 standard deviations at the optimum. law_prior: whether the prior on the law is included.
+    law_prior : whether the prior on the parameter of the law is included
     """
     (states,) = about.states
     residuals = states.residuals + np.tensordot(step, states.slopes, axes=1)
@@ -631,12 +619,7 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """Two objects: a function that computes the deviance of a fit, and the linearised residuals of this fit.
-
-    The ends of intervals are computed from the deviance. The deviance is twice the decrease of the log-likelihood from
-    its maximum. The residuals are linear in two unknowns. There is a prior on the law, and a weak prior in place of
-    the bounds of the search. A candidate (values of the unknowns) whose first unknown is above 0.9 is not valid.
-    """
+    """A function for the deviance (twice the decrease of the log-likelihood), and its linearised residuals."""
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
 
@@ -716,11 +699,7 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
     not_fixed: tuple[str, ...],
     at_bound: tuple[str, ...],
 ) -> None:
-    """Only an unknown of the law can be reported as not determined by the data, or as being at a bound of the search.
-
-    The second unknown in this test is a nuisance, an uncertain input that the fit determines too. Its prior, and not
-    the bounds of the search, limits it.
-    """
+    # The second unknown is an uncertain input, which its prior limits.
     given: dict[str, Any] = {}
     monkeypatch.setattr(estimate, "statement", lambda *arguments: given.update(statement=arguments) or "words")
     monkeypatch.setattr(estimate, "held_by_bounds", lambda *arguments: given.update(held=arguments) or np.array([True]))
@@ -750,11 +729,7 @@ def test_only_unknowns_of_the_law_can_be_open_or_at_a_bound(
 
 
 def test_the_distance_of_a_prior_is_that_from_the_optimum_without_it() -> None:
-    """The distance of a prior shows whether the data contradict it: it is measured from the optimum without the prior.
-
-    The distance is the difference between the prior and this optimum, in standard deviations of the difference. The
-    variance of the difference is the sum of the variances of the prior and of the fit without the prior.
-    """
+    # Distance: (prior - optimum without the prior) / sqrt(sum of both variances).
     about = evidence()
     shift = np.linalg.solve(about.hessian, about.score)
     at_optimum = replace(about, law_priors=about.law_priors - shift @ about.law_prior_slopes)
@@ -812,9 +787,9 @@ def test_a_measured_rest_shape_is_described_and_replaces_the_stated_one() -> Non
 
 
 def noisy(error_mm: list[float], seed: int = 4) -> LinearStates:
-    """Return states whose residuals are white noise; each state has two edges of 40 points.
+    """Return load steps whose residuals are white noise; each has two edges of 40 points.
 
-    error_mm: root mean square of the residuals of each state (mm).
+    error_mm : root mean square of the residuals of each load step
     """
     rng = np.random.default_rng(seed)
     residuals = rng.normal(size=(len(error_mm), 2, 40))
@@ -839,12 +814,8 @@ def problem_of(*states: LinearStates) -> Any:
 
 
 def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
-    """With the weights of the states, the sum of all squared residuals is the number N of independent points.
-
-    State k has the weight w_k = N / (K e N_k e_k). N_k is the number of its points, e_k its error (root mean square),
-    and e the mean error of the K states. The sum of w_k N_k e_k² over all states is then N. The errors contain the
-    error of the beam model (added in quadrature).
-    """
+    # The weight is w_k = N / (K e N_k e_k), so that the sum of w_k N_k e_k² is N. For state k of K: N_k points with the
+    # RMS error e_k, which contains the error of the beam model; N: all independent points; e: mean error.
     states = [noisy([0.01, 0.03]), noisy([0.02], seed=5)]
     problem = problem_of(*states)
     model_mm = [np.array([0.0, 0.04]), np.array([0.0])]
@@ -858,10 +829,7 @@ def test_a_state_weighs_as_its_share_of_all_independent_points() -> None:
 
 
 def test_a_shift_in_common_is_explained_by_the_source_and_the_noise_remains() -> None:
-    """Least squares separates white noise from the shift that an uncertain input causes.
-
-    The residuals are noise and the effect of 1.5 standard uncertainties of the input.
-    """
+    # The residuals are noise and the effect of 1.5 standard uncertainties of one input.
     clean = noisy([0.01, 0.01, 0.01])
     change = np.full_like(clean.residuals, 0.05)
     spoilt = noise._with_residuals(clean, clean.residuals + 1.5 * change)
@@ -906,11 +874,7 @@ def test_slopes_are_central_differences() -> None:
 
 
 def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
-    """The error of the beam model is the root sum of squares of the errors that two corrections leave.
-
-    The corrections change all points by 0.1 mm and by 0.2 mm. With a probability of 95 %, the first one leaves at most
-    a tenth of its change, and the second one at most half.
-    """
+    # Changes of 0.1 and 0.2 mm, of which at most a tenth and at most half remain (95 %); root sum of squares.
     shape = (2, 2, 5)
     effects = [
         noise.Effect(SimpleNamespace(changes=[np.full(shape, size)]), np.zeros(1), share)  # type: ignore[arg-type]
@@ -927,11 +891,9 @@ def test_the_error_of_the_beam_model_is_what_the_corrections_leave() -> None:
 
 
 def end(**changed: Any) -> _End:
-    """Return one step in the search for the upper end of an interval, at which the deviance is 4.
+    """Return one step in the search for the upper end of an interval, where the deviance is 4.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. The interval is that of the first of two
-    unknowns. Its optimum is at (0.5, 0.5), and the present point of the search is (0.6, 0.5). changed: attributes with
-    other values.
+    Two unknowns with the optimum at (0.5, 0.5); the search is at (0.6, 0.5). changed : attributes with other values
     """
     given: dict[str, Any] = {"coordinate": 0, "side": 1, "target": 4.0, "point": np.array([0.6, 0.5])}
     return _End(**(given | changed))
@@ -957,12 +919,8 @@ def test_an_end_has_converged_near_its_target_or_on_a_bound(deviance: float, at:
 
 
 def test_an_interval_ends_where_the_quadratic_deviance_reaches_its_target() -> None:
-    """An interval ends where the deviance, minimised over the other coordinate, reaches its target, here 4.
-
-    The deviance is twice the decrease of the log-likelihood from its maximum. Here it is d = 400 u² + 200 u v + 100
-    v², where u and v are the two coordinates minus 0.5. For a given u it is least at v = -u, where d = 300 u². The
-    interval of the first coordinate therefore ends at u = ± sqrt(4 / 300).
-    """
+    # The deviance d = 400 u² + 200 u v + 100 v² is least at v = -u, where d = 300 u²;
+    # it is 4 at u = ± sqrt(4 / 300).
     hessian = np.array([[400.0, 100.0], [100.0, 100.0]])
 
     def at(first: float, second: float) -> _End:

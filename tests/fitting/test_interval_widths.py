@@ -1,4 +1,4 @@
-"""The widths of intervals agree with repeated measurements; the contributions to a width agree with sums by hand."""
+"""The widths of intervals, and the contributions to a width, agree with repeated measurements and sums by hand."""
 
 from __future__ import annotations
 
@@ -42,10 +42,9 @@ NOWHERE = EdgeObservation(np.zeros((1, 2, 1, 2)), np.ones((1, 2, 1)))
 
 
 def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Array:
-    """Return noise of unit variance that is alike at neighbouring points and states, shape (draws, K, 2, m).
+    """Return correlated noise of unit variance, shape (draws, K, 2, m): K load steps, two edges, m points.
 
-    The axes are: repetition, K states, left and right edge, m points. The noise is the mean of white noise over `along`
-    neighbouring points and `states` neighbouring states, scaled to unit variance.
+    along, states : numbers of neighbouring points and load steps whose white noise is averaged
     """
     white = rng.normal(size=(draws, STATES + states - 1, 2, POINTS + along - 1))
     over_edge = np.lib.stride_tricks.sliding_window_view(white, along, axis=3).mean(axis=-1)
@@ -54,10 +53,10 @@ def alike(rng: np.random.Generator, draws: int, along: int, states: int) -> Arra
 
 
 def linear_states(residuals: Array, level: Array) -> LinearStates:
-    """Return K states whose m points on each edge move linearly with one unknown, by similar amounts.
+    """Return K load steps whose m points on each edge move linearly with one unknown.
 
-    residuals: of left and right edge, shape (K, 2, m). level: standard deviation of the noise in each state, shape
-    (K,).
+    residuals : of left and right edge, shape (K, 2, m)
+    level : standard deviation of the noise in each load step, shape (K,)
     """
     slopes = np.linspace(0.8, 1.2, STATES)[:, None, None] * np.ones((1, STATES, 2, POINTS))
     counts = np.full(STATES, 2.0 * POINTS)
@@ -66,9 +65,9 @@ def linear_states(residuals: Array, level: Array) -> LinearStates:
 
 
 def linearisation(states: LinearStates, prior: float) -> Linearisation:
-    """Return the residuals of a fit with one unknown as linear functions of this unknown, with a prior.
+    """Return the residuals of a fit as linear functions of its only unknown.
 
-    prior: precision of the prior, the inverse of its variance.
+    prior : inverse variance of the prior
     """
     return Linearisation(
         unit=np.full(1, 0.5),
@@ -94,10 +93,6 @@ def linearisation(states: LinearStates, prior: float) -> Linearisation:
 @pytest.mark.parametrize(("along", "states"), [(1, 1), (6, 1), (1, 3), (6, 3)])
 @pytest.mark.parametrize("share", [0.0, 1.0], ids=["flat", "prior"])
 def test_the_variance_is_that_of_repeated_measurements(along: int, states: int, share: float) -> None:
-    """The computed variance equals the variance of repeated measurements, with correlated points and with a prior.
-
-    share: precision of the prior relative to the precision of the data.
-    """
     rng = np.random.default_rng(along + 10 * states)
     level = np.linspace(0.5, 2.0, STATES)  # some states are noisier
     noise = level[:, None, None] * alike(rng, DRAWS, along, states)
@@ -147,11 +142,7 @@ def test_tracked_points_of_a_state_share_their_stated_error() -> None:
 
 
 def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
-    """The interval of a fit to two states has the factor of Student's t for three degrees of freedom.
-
-    The four edges of two states determine the noise with three degrees of freedom. The noise is so large that the error
-    of the mesh does not matter.
-    """
+    # Four edges determine the noise with three degrees of freedom.
     model, loads = BeamModel(BEAM, 26, 2), Loads.along((3.0, 7.0))
     truth = np.array([[46e3], [46e3 * 1.01]])
     shapes = model.solve(LAWS["neo-hookean"], truth, loads)
@@ -176,10 +167,7 @@ def test_an_interval_of_two_states_has_the_factor_of_student_s_t() -> None:
 def test_the_degrees_of_freedom_are_those_of_the_points_or_of_the_edges(
     states: int, points: float, freedom: float
 ) -> None:
-    """The noise of a fit with one unknown is known with E - 1 or N - 1 degrees of freedom, whichever is smaller.
-
-    E is the number of edges of all states, and N the number of independent points.
-    """
+    # min(E - 1, N - 1) for one unknown, E edges of all states and N independent points.
     linear: Any = SimpleNamespace(residuals=np.zeros((states, 2, 9)))
     about: Any = SimpleNamespace(states=(linear,), noise_points=points, unit=np.zeros(1))
     observed = EdgeObservation(np.zeros((states, 2, 9, 2)), np.ones((states, 2, 9)))
@@ -196,11 +184,7 @@ def shared(source: str, size: float) -> SharedUnknowns:
 
 
 def test_the_budget_has_the_largest_source_first_and_halves_it() -> None:
-    """The budget, the list of uncertain inputs with their effects on the modulus, begins with the largest effect.
-
-    The function `budget` also predicts the interval of the modulus if the uncertainty of the first input is halved.
-    Here, two inputs change the modulus by 1 % and by 3 %.
-    """
+    # `budget` also predicts the interval with half the uncertainty of the first input; the effects are 1 % and 3 %.
     sources = [ConsideredSources(name, shared(name, 0.1), 0, (None,)) for name in ("depth", "width")]
     rng = np.random.default_rng(1)
     moved = np.array([[0.01], [0.03]])
@@ -259,10 +243,6 @@ def test_a_freed_source_and_its_equivalents_are_not_counted_again() -> None:
 
 
 def test_only_its_prior_limits_an_estimated_input() -> None:
-    """If an estimated input deviates by the standard deviation of its prior, its standardised residual is 1.
-
-    An estimated input is an uncertain input that the fit determines together with the law.
-    """
     unknowns = problem(NuisancePrior("moment", 0.02)).unknowns
     one_off = np.array([[0.3, 0.5]])
     one_off[0, 1] += 1 / np.sqrt(unknowns.prior[1])

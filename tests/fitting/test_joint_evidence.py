@@ -1,7 +1,4 @@
-"""One fit can use several kinds of data: edges, tracked points, tensile curves, and several specimens.
-
-The fit can also estimate uncertain inputs and the bulk modulus. Edges that no material explains are refused.
-"""
+"""One fit can use edges, tracked points, tensile curves and several specimens, and can estimate uncertain inputs."""
 
 from __future__ import annotations
 
@@ -38,10 +35,11 @@ def edges_of(
     field_mT: tuple[float, ...] = (0.0, 4.0, 7.0),
     turned_deg: float = 0.0,
 ) -> Experiment:
-    """Return an experiment (beam model, loads and noisy edges) of a beam with a known law.
+    """Return a simulated experiment: noisy edges of a beam with a known law.
 
-    model, parameters: the law. gravity: direction of gravity in the beam frame (degrees), None without gravity.
-    field_factor: true field divided by the field in the file. turned_deg: roll of the camera (degrees).
+    gravity : direction of gravity in the beam frame (degrees); None without gravity
+    field_factor : true field divided by the field in the file
+    turned_deg : roll of the camera (degrees)
     """
     rng = np.random.default_rng(1)
     loads = Loads.along(field_mT, gravity_angle_deg=gravity)

@@ -1,7 +1,4 @@
-"""The limits and the meshes of the beam models are as described, just below and just above each limit.
-
-Most tests use small replacements for the beam, so that the quantity that a limit applies to is known exactly.
-"""
+"""Limits and meshes of the beam models hold just below and just above each limit."""
 
 from __future__ import annotations
 
@@ -53,7 +50,7 @@ def test_candidates_are_in_megapascals_and_nearly_incompressible() -> None:
 
 
 class Stretched:
-    """A replacement for a solid whose largest stretch is the first displacement of each candidate."""
+    """A replacement for a solid whose largest stretch is given by the first displacement."""
 
     mesh = SimpleNamespace(nodes=np.zeros((1, 1)))
 
@@ -65,7 +62,7 @@ class Stretched:
 
 
 def state(*values: float) -> Configuration:
-    """Return one configuration for each of several candidates, described by one number each."""
+    """Return the configurations of several candidates, one number for each."""
     one = np.array(values)
     return Configuration(one[:, None, None].copy(), np.tile(one[:, None], 3), one[None, :, None].copy(),
                          one[None, None, :, None].copy())  # fmt: skip
@@ -78,7 +75,7 @@ def test_a_strain_is_as_predicted_below_three_halves_and_two_per_cent() -> None:
 
 
 def line(*places: float, degree: int = 1) -> path.Path:
-    """Return solved states at loads along one line whose shapes are a power of the load."""
+    """Return solved configurations at several loads; each shape is proportional to a power of the load."""
     return [(np.array([place, 2 * place]), state(place**degree)) for place in places]
 
 
@@ -112,7 +109,7 @@ def test_states_that_are_too_close_to_each_other_do_not_swing_an_extrapolation()
 
 
 class Steps:
-    """A replacement for a solid that records the loads of its equilibria and answers with given outcomes."""
+    """A replacement for a solid that records its loads and answers with given outcomes."""
 
     def __init__(self, *outcomes: tuple[Status, int]) -> None:
         self.outcomes, self.asked = list(outcomes), list[tuple[float, float, int | None, bool]]()
@@ -131,7 +128,7 @@ class Steps:
 
 
 def advanced(steps: Steps, tolerance_mm: float = 1e-6, near: Configuration | None = None) -> tuple[int, int, float]:
-    """Solve one state under the load 2 after a state under the load 1; return status, iterations and final shape."""
+    """Solve for the load 2, starting at the load 1; return status, iterations and final shape."""
     chosen: Any = SimpleNamespace(take=lambda rows: (None, None))
     now = state(1.0)
     status, spent = path._advance(
@@ -564,7 +561,7 @@ def test_modes_of_the_width_change_the_ends_by_their_amplitudes() -> None:
 
 
 def arc(points: int, length_mm: float = 30.0, start: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Return points on an arc of a quarter of a circle that begins along x."""
+    """Return points (x, y) on a quarter of a circle that begins along x."""
     radius, turn = length_mm / (0.5 * np.pi), np.linspace(0.0, 0.5 * np.pi, points)
     return np.stack([radius * np.sin(turn), radius * (1 - np.cos(turn))], axis=1) + start
 

@@ -1,7 +1,4 @@
-"""The limits by which doubts and causes are reported hold just below and just above their values.
-
-The prior sizes of all possible causes are those of the table in docs/why/causes.md.
-"""
+"""Doubts (warnings) and causes are reported from the documented limits on, and no earlier."""
 
 from __future__ import annotations
 
@@ -39,7 +36,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "why" / "causes.md"
 
 
 def documented() -> dict[str, list[str]]:
-    """Return the cells after the name of each row of the table of causes in the documentation."""
+    """Return the table of causes in docs/why/causes.md: the cells of each row, by the name in its first cell."""
     table = DOCS.read_text(encoding="utf-8").partition("\n## The causes\n")[2].partition("\n\nA moment")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
     return {cells[0].strip("`"): cells[1:] for cells in rows}
@@ -94,13 +91,13 @@ POINTS = np.array([[[[2.0, 1.0], [12.0, 1.0], [32.0, 11.0]], [[2.0, -1.0], [12.0
 
 
 def seen(view: View | None = None) -> Experiment:
-    """Return one state with three points on each of two edges; the middle of the picture is at (17 mm, 5 mm)."""
+    """Return one measured load step with three points on each edge; the picture centre is (17 mm, 5 mm)."""
     sigma = np.full((1, 2, 3), 0.01)
     return Experiment(BeamModel(BEAM, 4, 1), Loads.along([5.0]), EdgeObservation(POINTS, sigma, view=view))
 
 
 def moved(name: str, *amplitudes: float, view: View | None = None) -> np.ndarray:
-    """Return the displacements (mm) that a cause has given to the measured points, by its correction."""
+    """Return the displacements (mm) of the measured points that are attributed to a cause of the given amplitudes."""
     assumed: Any = SimpleNamespace(experiment=seen(view))
     change = CAUSES[name].change
     assert change is not None

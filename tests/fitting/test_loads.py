@@ -1,4 +1,4 @@
-"""The bending under each load agrees with exact results: the equation of the elastica, and a thick cylinder."""
+"""The bending under each load agrees with exact results: the elastica, and a thick cylinder."""
 
 from __future__ import annotations
 
@@ -29,15 +29,13 @@ BENDING = 3 * 0.05 * WIDTH**3 / 12  # N mm² for each mm of depth, plane stress:
 
 
 def elastica(couple=None, dead=(0.0, 0.0), pressure=(0.0, 0.0, 0.0), force=(0.0, 0.0), end_couple=None):
-    """Return (rotation in rad, x and y in mm) at the tip of an inextensible elastic rod that is clamped at 0.
+    """Return rotation (rad), x and y (mm) at the tip of an inextensible elastic rod, clamped at 0, 1 mm deep.
 
-    The rod is one mm deep, so that forces are given in N/mm, for each mm of depth. couple: moment for each mm of length
-    (N/mm), a function of the rotation. dead: distributed force (x, y), for each mm of length (N/mm²). pressure:
-    pressure (N/mm²) on the side below the rod, and the lengths (mm) between which it acts. A bent rod of finite width
-    has a longer or shorter lower side, by half the width times the curvature. force: force (x, y) at the tip (N/mm).
-    end_couple: moment at the tip (N), a function of the rotation of the tip.
-
-    The forces and the moment at the clamp are found by shooting, with the loads increased in five steps.
+    couple : moment for each mm of length (N/mm), a function of the rotation
+    dead : distributed force (x, y) in N/mm²
+    pressure : pressure (N/mm²) on the lower side, and the lengths (mm) between which it acts
+    force : force (x, y) at the tip (N/mm)
+    end_couple : moment at the tip (N), a function of the rotation
     """
     p, first, last = pressure
     scale = np.array([BENDING / LENGTH, BENDING / LENGTH**2, BENDING / LENGTH**2])
@@ -83,7 +81,7 @@ def beam(loads, **specimen):
 
 
 def check(computed, exact, accuracy=1e-3):
-    """Assert that rotation and position of the tip, (rotation, x, y), agree with the exact solution."""
+    """Assert that (rotation, x, y) of the tip agree with the exact solution."""
     assert abs(exact[0]) > 0.3  # a large deflection
     assert computed[0] == pytest.approx(exact[0], rel=accuracy)
     assert computed[1:] == pytest.approx(exact[1:], abs=accuracy * LENGTH)
@@ -144,11 +142,8 @@ def test_an_oblique_eccentric_tip_force_agrees_with_the_elastica(angle, place):
 @pytest.mark.parametrize("section", ["plane-stress", "solid"])
 @pytest.mark.parametrize(("beyond_face", "across"), [(0.0, 0.0), (4.0, 0.0), (2.0, 1.0)])
 def test_a_tip_force_on_a_magnet_acts_with_its_lever_arm(section, beyond_face, across):
-    """A force on the rigid magnet at the tip bends the beam as beam theory says, wherever on the magnet it acts.
-
-    A force F across the beam at the inner face of the magnet turns the tip by F l² / (2 E I), with the flexible length
-    l. A force at another point adds a moment about the inner face, the force times its lever arm.
-    """
+    # At the inner face of the magnet, F turns the tip by F l² / (2 E I), with the flexible length l; at another point
+    # the moment F times its lever arm is added.
     magnet, free = Magnet(4.0, 3.0, 5.0, 1.0, 7500.0), 26.0
     specimen = Specimen(30.0, 3.0, 5.0, 1070.0, section, magnet, (free + beyond_face, across))
     stiffness = 3 * 46e3 * 1e-6 * 5.0 * 3.0**3 / 12  # E I in N mm2
@@ -173,10 +168,7 @@ def test_a_tip_force_on_a_beam_with_a_cast_bend_acts_at_the_end_of_its_centre_li
 
 
 def cylinder(n):
-    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and a pressure on its inner face.
-
-    n: number of elements across the thickness.
-    """
+    """Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and an inner pressure."""
     mesh = mapped_mesh(
         2 * n, n, lambda s, t: ((1 + t) * np.cos(np.pi / 2 * (1 - s)), (1 + t) * np.sin(np.pi / 2 * (1 - s)))
     )

@@ -1,12 +1,4 @@
-"""A magnet that is magnetised at an angle to the beam has the right torque, and a fit can find this angle.
-
-The angle can be found if both signs of the current were measured. Otherwise the unknown angle widens the interval of
-the modulus.
-
-The reference is the torque on a dipole, m x B: a rotation of the moment by an angle is equivalent to the opposite
-rotation of a uniform field. According to an independent solid model of 27-node hexahedra, an ignored angle of three
-degrees changes the fitted modulus of this beam by 10 per cent if only one sign of the current was measured.
-"""
+"""A magnet that is magnetised at an angle to the beam has the right torque, and a fit finds this angle."""
 
 from __future__ import annotations
 
@@ -42,10 +34,9 @@ BOTH_WAYS = Loads.along((0.0, 3.0, 7.0, -3.0, -7.0))
 
 
 def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
-    """Return an experiment (beam model, loads and edges) with a magnet that is magnetised at an angle to the beam.
+    """Return a simulated experiment with a magnet that is magnetised at an angle to the beam.
 
-    The file of the specimen gives no angle. stated_deg: the standard uncertainty of the angle in the file (degrees);
-    None if the file gives no uncertainty.
+    stated_deg : standard uncertainty of the angle in the file; None if the file gives none
     """
     model = BeamModel(TILTED, 26, 2)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[TRUTH_PA]]), loads)
@@ -58,10 +49,7 @@ def experiment(loads: Loads, stated_deg: float | None = None) -> Experiment:
 
 
 def fitted(loads: Loads, stated_deg: float | None = None) -> Estimate:
-    """Return the estimate of a fit to the edges of `experiment`; the fit starts at a modulus that is 10 % too large.
-
-    The parameters are those of `experiment`.
-    """
+    """Return the result of a fit to the edges of `experiment`; the fit starts at a modulus 10 % too large."""
     law = LAWS["neo-hookean"]
     space = search_space(law)
     unit = np.full((1, 1), np.log(1.1 * TRUTH_PA / space.lower[0]) / np.log(space.upper[0] / space.lower[0]))

@@ -1,4 +1,4 @@
-"""More states (load steps) need more memory for the results only, and not for temporary arrays."""
+"""More load steps need more memory for the results only, and not for temporary arrays."""
 
 from __future__ import annotations
 
@@ -29,10 +29,7 @@ def solved(states: int, **more: Any) -> Shapes:
 
 
 def bytes_a_state(run: Callable[[int], object]) -> float:
-    """Return the growth of the largest memory for each additional state (bytes), between `FEW` and `MANY` states.
-
-    run: function that computes a number of states.
-    """
+    """Return the growth of the peak memory (bytes) for each additional load step."""
     peaks = []
     for states in (FEW, MANY):
         tracemalloc.start()
@@ -47,20 +44,12 @@ def test_a_path_keeps_its_last_states_only() -> None:
 
 
 def test_states_solved_together_need_memory_for_a_block_only() -> None:
-    """Each further state needs less than 30 times the memory of its nodes, although all states are solved together.
-
-    Its element stiffness matrices alone would need 100 times this memory. They are therefore computed for a limited
-    number of states at a time.
-    """
+    # The limit is 30 times the memory of the nodes; the element stiffness matrices alone would need 100 times.
     every = {states: solved(states, keep=True).every for states in (FEW, MANY)}
     assert bytes_a_state(lambda states: solved(states, near=every[states])) < 30 * NODE_BYTES
 
 
 def test_states_are_compared_in_blocks() -> None:
-    """Measured and simulated edges are compared in groups of states (blocks), so that the memory hardly grows.
-
-    With an ordinary lens, both faces of every state are compared at several depths, which needs large arrays.
-    """
     view = View(np.array([15.0, 0.0]), 300.0)
     shapes = {states: solved(states) for states in (FEW, MANY)}
     peaks = {}

@@ -20,7 +20,7 @@ BEAM = Specimen(length_mm=30.0, width_mm=3.0, depth_mm=3.0, density_kg_m3=1070.0
 
 
 def experiment_in(fields_mT: list[float], specimen: Specimen = BEAM, noise_mm: float = NOISE_MM) -> Experiment:
-    """Return an experiment (beam model, loads and noisy edges) of a beam in these fields (mT)."""
+    """Return a simulated experiment: noisy edges of a beam in these fields (mT)."""
     is_solid = specimen.section == "solid"
     model = SolidBeside(specimen, 24, 2) if is_solid else BeamModel(specimen)
     loads = Loads.along(fields_mT, gravity_angle_deg=0.0)
@@ -88,10 +88,6 @@ def test_an_estimate_with_a_narrower_interval_is_kept_while_the_residuals_are_no
 
 
 def test_the_remaining_error_of_the_solid_is_in_the_interval_however_exact_the_edges_are() -> None:
-    """Even with exact edges, the interval of a solid has a half-width of at least 0.15 per cent of the modulus.
-
-    This is the remaining error of the mesh of the solid model.
-    """
     experiment = experiment_in([1.0, 3.0, 5.0], replace(BEAM, section="solid"), noise_mm=1e-5)
     half_width = 0.5 * float(np.ptp(modulus_so_far(experiment).interval_95_Pa))
     assert 0.0014 * TRUE_PA < half_width < 0.006 * TRUE_PA

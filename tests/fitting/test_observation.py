@@ -1,4 +1,4 @@
-"""Distances of measured points from simulated edges are right for curves whose distances are known."""
+"""Distances of measured points from simulated edges agree with curves whose distances are known."""
 
 from __future__ import annotations
 
@@ -29,10 +29,7 @@ ARRAYS = ("displacement", "rigid", "status", "iterations", "max_stretch")
 
 
 def arc(radius: float, segments: int = 12, angle: float = 1.2) -> np.ndarray:
-    """Return S quadratic segments on a circle about the origin, shape (S, 3, 2): three nodes each, x and y.
-
-    segments: the number S. angle: angle of the arc (rad).
-    """
+    """Return S quadratic segments on a circular arc of `angle` (rad), shape (S, 3, 2): three nodes, x and y."""
     ends = np.linspace(0, angle, 2 * segments + 1)
     points = radius * np.column_stack([np.cos(ends), np.sin(ends)])
     return np.stack([points[0:-1:2], points[1::2], points[2::2]], axis=1)
@@ -84,10 +81,7 @@ def test_error_and_deviation_by_hand():
 
 
 def test_error_and_deviation_of_points_by_hand():
-    """The error of tracked points is the root mean square of their distances; the deviation is the standard deviation.
-
-    Distances of 0.5 and 0.1 mm give a root mean square of 0.36 mm and a standard deviation of 0.2 mm.
-    """
+    # Distances of 0.5 and 0.1 mm have a root mean square of 0.36 mm and a standard deviation of 0.2 mm.
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4]]), Loads.along(0.0, gravity_angle_deg=None))
     rest = np.array([[[20.0, 0.0], [30.0, 0.5], [40.0, 0.0]]])
@@ -122,7 +116,6 @@ def test_points_of_each_state_are_compared_in_their_own_state():
 
 
 def test_many_states_have_the_same_residuals_as_each_state_alone():
-    """Many states, compared in blocks, have the same residuals as each state alone, also if points are missing."""
     model = BeamModel(Specimen(50.0, 2.0, 4.0, 1.0, "plane-stress"))
     loads = Loads.along(np.zeros(35), 90.0, 90.0, np.linspace(0, 2e-6, 35))
     shapes = model.solve(LAWS["neo-hookean"], np.array([[4e4], [8e4]]), loads)

@@ -1,4 +1,4 @@
-"""The computed outline of a bent solid, as a camera sees it, encloses the faces of the solid and touches them."""
+"""The computed outline of a bent solid, as a camera sees it, encloses the solid and touches its faces."""
 
 from __future__ import annotations
 
@@ -94,12 +94,8 @@ def test_the_outline_in_plane_strain_is_the_edge_of_the_planar_model():
 
 @pytest.mark.parametrize("solid", [False, True])
 def test_an_outline_goes_forward_where_it_changes_from_the_near_to_the_far_face(solid: bool) -> None:
-    """The points of an outline stay in order where the outline in the picture changes from the near to the far face.
-
-    It changes where both faces appear equally far from the centre line. The lens of this test is very near. In the
-    picture, the near and the far face of one cross-section are therefore farther apart along the beam than two
-    neighbouring cross-sections.
-    """
+    # The lens is very near: in the picture, the near and far face of one cross-section are farther apart than two
+    # neighbouring cross-sections.
     specimen = replace(BEAMS["deep"], magnet=None)
     model = SolidModel(specimen, 20, 2) if solid else BeamModel(specimen, 20, 2)
     force = np.array([0.02, 0.03])

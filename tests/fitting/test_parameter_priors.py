@@ -21,10 +21,7 @@ NOISE_MM = 0.05
 
 
 def tracked(model: str, parameters: list[float], forces_N: Sequence[float] = (0.0, 0.001, 0.002, 0.004)) -> Experiment:
-    """Return an experiment (beam model, loads, points): nine noisy markers on a horizontal strip under tip forces (N).
-
-    model, parameters: the known law of the strip.
-    """
+    """Return a simulated experiment: nine noisy markers on a horizontal strip of a known law under tip forces (N)."""
     beam = BeamModel(STRIP)
     loads = Loads.along(np.zeros(len(forces_N)), gravity_angle_deg=90.0, tip_force_N=forces_N)
     rest = np.column_stack([np.linspace(5, 29, 9), np.zeros(9)])
@@ -45,24 +42,23 @@ def alone():
 
 
 def estimated(priors: Sequence[Prior] = (), free: Sequence[NuisancePrior] = ()) -> Estimate:
-    """Return the estimate of a fit to the markers of this file, which starts at 50 kPa, without search.
+    """Return the result of a fit to the markers, which starts at 50 kPa.
 
-    priors: priors on parameters. free: uncertain inputs that the fit determines too.
+    free : uncertain inputs that the fit also determines
     """
     return refined("neo-hookean", [SEEN], 50e3, free=free, priors=priors).estimate
 
 
 def spread(fit: Estimate) -> float:
-    """Return the standard deviation (Pa) of the only parameter, computed from the width of its interval."""
+    """Return the standard deviation (Pa) of the only parameter, from the width of its interval."""
     low, high = fit.parameters["mu"].interval_95
     return float((high - low) / (2 * 1.96))
 
 
 def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float) -> np.ndarray:
-    """Return the objective (mm) of a fit with one parameter and a prior, at each modulus in `moduli_Pa`.
+    """Return the function that a fit with a prior minimises (mm), at several moduli (Pa).
 
-    The objective is the number that the fit minimises. independent_points: number of edge points that count as
-    independent, which determines the weight of the prior.
+    independent_points : number of edge points that count as independent
     """
     space = search_space(LAWS["neo-hookean"])
     unit = np.log(moduli_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])
@@ -72,10 +68,7 @@ def objective_mm(prior: Prior, moduli_Pa: np.ndarray, independent_points: float)
 
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0], ids=["firm", "equal", "loose"])
 def test_value_and_interval_are_those_of_two_normal_measurements(alone, share):
-    """Data and prior combine like two normal measurements of the parameter.
-
-    The value is the mean weighted by the inverse variances, and the inverse variances add.
-    """
+    # The value is the mean weighted by the inverse variances, and the inverse variances add.
     measured, noise = alone.values[0], spread(alone)
     mean, deviation = measured - 2 * noise, share * noise
     fit = estimated([Prior("mu", mean, deviation)])
@@ -102,7 +95,6 @@ def test_a_very_wide_prior_changes_nothing(alone):
 
 
 def test_a_prior_determines_parameters_that_the_data_do_not_distinguish():
-    """A prior on C10 determines both C10 and C01, which bending alone hardly distinguishes."""
     truth = [16e3, 7e3]
     experiment = tracked("mooney-rivlin", truth)
     without = refined("mooney-rivlin", [experiment], 50e3).estimate
@@ -124,10 +116,6 @@ def test_a_prior_on_the_initial_shear_modulus_is_a_prior_on_the_sum_of_parameter
 
 
 def test_a_prior_on_the_modulus_determines_an_estimated_width(alone):
-    """A prior on the modulus determines the width if the fit also estimates the width.
-
-    A change of the stiffness has the same effect as a change of the width.
-    """
     freed = [NuisancePrior("width", 0.1)]
     open_fit = estimated(free=freed)
     constrained = estimated([Prior("mu", 46e3, 50.0)], freed)

@@ -24,10 +24,7 @@ def type3(section: Section) -> Specimen:
 
 
 def candidates(name: str, count: int, seed: int) -> np.ndarray:
-    """Return the n parameters of `count` random materials of a law, shape (count, n).
-
-    The materials have the moduli of common silicones. `name` is the law.
-    """
+    """Return random parameters of the law `name` with moduli of common silicones, shape (count, n)."""
     space, rng = search_space(LAWS[name]), np.random.default_rng(seed)
     unit = rng.random((count, len(space.names)))
     unit[:, 0] = np.log(rng.uniform(1e4**0.1, 2e5**0.1, count) ** 10 / space.lower[0]) / np.log(1e3)
@@ -35,11 +32,9 @@ def candidates(name: str, count: int, seed: int) -> np.ndarray:
 
 
 def leaps(model: BeamModel, name: str, parameters: np.ndarray) -> tuple[int, int, int]:
-    """Count how often a beam reaches a wrong equilibrium, because the field is increased in few load steps.
+    """Compare coarse load steps with 72 fine ones; return the numbers of wrong, failed and all solutions.
 
-    Each set of parameters of the law `name` is solved in 72 load steps, and, if it is stable, in 12, 6, 4, 3 and 2 load
-    steps. Return the number of solutions with another equilibrium than the 72 steps, the number of failed solutions,
-    and the number of all solutions.
+    A wrong solution is another equilibrium than that of the fine load steps.
     """
     law = LAWS[name]
     fine = model.solve(law, parameters, Loads.along(np.linspace(0, HIGHEST_MT, FINE_STEPS + 1)))
@@ -87,10 +82,7 @@ def test_states_solved_at_once_from_a_nearby_beam_equal_those_solved_in_order(se
 
 
 def test_shapes_on_a_mesh_with_other_nodes_are_not_used_as_a_start():
-    """Shapes on a mesh with other nodes are not used as a start; the states are then solved in order.
-
-    The mesh of a beam whose magnet is narrower than the beam has more elements, and therefore other nodes.
-    """
+    # A magnet that is narrower than the beam needs more elements, and therefore other nodes.
     law, loads, modulus = LAWS["neo-hookean"], Loads.along([0.0, 4.0]), np.array([[46e3]])
     wide = type3("plane-stress")
     assert wide.magnet is not None
@@ -114,11 +106,9 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_thousand_materials(name, 
 
 
 def solid_leaps(name: str, parameters: np.ndarray, magnet: Magnet) -> tuple[int, int, int]:
-    """Count how often a solid beam reaches a wrong equilibrium, because the field is increased in few load steps.
+    """Compare 3 and 6 load steps of a solid beam with 24; return the numbers of wrong, failed and all solutions.
 
-    Each set of parameters of the law `name` is solved in 6 and in 3 load steps, and compared with the solution in 24
-    steps. Return the number of solutions with another equilibrium, the number of failed solutions, and the number of
-    all solutions.
+    A wrong solution is another equilibrium than that of the 24 load steps.
     """
     law, specimen = LAWS[name], replace(type3("solid"), magnet=magnet)
     alone, beside = SolidModel(specimen, 8, 1), SolidBeside(specimen, 8, 1)
@@ -156,11 +146,7 @@ def test_coarse_steps_reach_the_same_equilibrium_for_a_hundred_solids(name, magn
 
 @pytest.mark.parametrize("magnet", [Magnet(4.0, 2.8, 2.0, 1.2, 7500.0), Magnet(4.0, 3.0, 2.0, 1.2, 7500.0, 0.05)])
 def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magnet):
-    """With a thin layer of silicone beside or beyond the magnet, four load steps reach the same equilibrium as forty.
-
-    Such a layer makes the solution difficult: Newton's method fails at first for large steps, and the extrapolated
-    start of smaller steps is bad.
-    """
+    # Newton's method first fails for large steps, and the extrapolated start of smaller steps is bad.
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", magnet))
     four, forty = (
         model.solve(LAWS["neo-hookean"], np.array([[46390.0]]), Loads.along(np.linspace(0, 7.05, n + 1)))
@@ -171,10 +157,7 @@ def test_a_thin_layer_of_silicone_about_the_magnet_is_followed_in_big_steps(magn
 
 
 def test_a_rotation_that_begins_late_is_followed_on_a_fine_mesh():
-    """On a fine mesh, one load step reaches the same equilibrium as forty load steps, although the beam bends suddenly.
-
-    The one load step is divided into smaller steps. The beam hardly rotates at first, and then suddenly by much.
-    """
+    # The beam hardly rotates at first, and then suddenly by much.
     model = BeamModel(Specimen(30.0, 3.0, 5.0, 1070.0, "plane-stress", Magnet(4.0, 3.0, 2.0, 1.2, 7500.0)), 52, 6)
     one, forty = (
         model.solve(LAWS["neo-hookean"], [[20e3]], Loads.along(np.linspace(0, 15, n + 1)[1:]), tolerance_mm=1e-4)

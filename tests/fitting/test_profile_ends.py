@@ -1,6 +1,6 @@
-"""The profile likelihood gives the right ends of an interval for deviances whose ends are known in closed form.
+"""Ends of intervals agree with closed forms of the deviance.
 
-The deviance is twice the decrease of the log-likelihood from its maximum.
+The deviance is twice the decrease of the log-likelihood from its maximum; an interval ends where it is 4.
 """
 
 from __future__ import annotations
@@ -21,11 +21,9 @@ HALF = np.array([0.05, 0.1])
 
 
 def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[Array, Array]]:
-    """Return a function that computes the deviance of n points with two coordinates, shape (n, 2).
+    """Return a function that computes a deviance at n points, shape (n, 2), and half of its gradients.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. Here it is the sum of two functions,
-    `parts`: each is a function of the distance of one coordinate from the optimum. The returned function also gives
-    half of the gradients of the deviance.
+    parts : two functions of the distance of a coordinate from the optimum; the deviance is their sum
     """
 
     def deviance(units: Array) -> tuple[Array, Array]:
@@ -38,19 +36,14 @@ def of_coordinates(*parts: Callable[[Array], Array]) -> Callable[[Array], tuple[
 
 
 def quadratic(half: float) -> Callable[[Array], Array]:
-    """Return a deviance of one coordinate: a parabola that is 4 at the distance `half` from the optimum.
-
-    The deviance is twice the decrease of the log-likelihood from its maximum.
-    """
+    """Return a parabola of one coordinate that is 4 at the distance `half` from the optimum."""
     return lambda away: 4.0 * (away / half) ** 2
 
 
 def ends_of(deviance: Callable[[Array], tuple[Array, Array]], checked: tuple[int, ...] = (0, 1)) -> Ends:
     """Return the ends of the intervals of two coordinates: the points at which `deviance` is 4.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. The first guess of the ends is at the
-    distances `HALF` from the optimum. checked: the coordinates whose ends are compared with `deviance` and corrected
-    if necessary.
+    checked : coordinates whose first guess of the ends is corrected
     """
     return interval_ends(deviance, OPTIMUM, np.zeros(2), np.diag(4.0 / HALF**2), HALF, checked)
 
@@ -84,11 +77,7 @@ def test_only_the_checked_ends_are_compared_with_the_profile_likelihood() -> Non
 
 
 def test_the_ends_of_a_skew_deviance_have_the_deviance_of_the_end() -> None:
-    """Each end of an interval lies where the deviance is 4, also if the deviance is not symmetric about the optimum.
-
-    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it rises exponentially on
-    one side of the optimum. The lower end is therefore farther from the optimum than the upper end.
-    """
+    # The deviance rises exponentially on one side, so that the lower end is farther from the optimum.
     rate = 12.0
 
     def skew(away: Array) -> Array:
@@ -112,12 +101,7 @@ def test_an_end_that_is_not_reached_within_the_bounds_is_the_bound() -> None:
 
 
 def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
-    """The upper end of an interval stays at its first guess if no valid value has the deviance of an end, 4.
-
-    The deviance is twice the decrease of the log-likelihood from its maximum. In this test it is finite only up to the
-    distance 0.02 from the optimum, and too small there. Values of the unknown farther away are not valid: their
-    deviance is infinite.
-    """
+    # The deviance is below 4 up to the distance 0.02 from the optimum, and infinite (not valid) beyond.
 
     smooth = of_coordinates(quadratic(HALF[0]), quadratic(HALF[1]))
 
@@ -135,12 +119,11 @@ def test_an_end_is_in_front_of_the_candidates_that_are_not_valid() -> None:
 def bulk_ends(
     monkeypatch: pytest.MonkeyPatch, values: list[float], high: float = 0.7, has_bulk: bool = True
 ) -> tuple[Ends, list[Array]]:
-    """Return the intervals of two unknowns after `estimate._ends`, and the points at which it computed the deviance.
+    """Return the intervals of two unknowns from `estimate._ends`, and the points at which the deviance was computed.
 
-    The deviance is twice the decrease of the log-likelihood from its maximum. If the second unknown is the bulk modulus
-    (`has_bulk`), `estimate._ends` computes the deviance of an incompressible material. If the deviance is small enough,
-    the interval of the bulk modulus then includes this material. high: upper end of the second interval before. values:
-    the deviances that replace those of a fit, one after another.
+    values : prepared deviances, one after another
+    high : upper end of the second interval before the call
+    has_bulk : whether the second unknown is the bulk modulus
     """
     points, objective_mm = 50.0, 0.02
     asked: list[Array] = []

@@ -1,4 +1,4 @@
-"""The public names of `eimi_fitting` are documented with examples, and an import loads only the necessary modules."""
+"""The public names of `eimi_fitting` have examples, and an import loads only the necessary modules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise passes the tests for randomness of residuals, and systematic residuals fail them."""
+"""Noise passes the tests for random residuals, and systematic residuals fail them."""
 
 from __future__ import annotations
 

@@ -1,12 +1,4 @@
-"""After its correction by the solid beam model, the modulus of a fit still has an error, which is never stated as zero.
-
-A fit uses a planar beam model. In each pass of the correction, the residuals are changed to those of a solid
-(three-dimensional) model, and the fit is repeated. The stated error is at least each of three numbers:
-
-- a fixed share of the change of the modulus by all passes;
-- the change by the last pass, if the passes do not converge, but not more than the change by all passes;
-- a fixed number of per cent of the modulus.
-"""
+"""After its correction by the solid beam model, the modulus of a fit has a stated error that is never zero."""
 
 from __future__ import annotations
 
@@ -28,10 +20,9 @@ def at(unit: float, error_mm: float = 0.01) -> Any:
 
 
 def corrected(monkeypatch: pytest.MonkeyPatch, *optima: Any) -> tuple[Any, list[Any]]:
-    """Return the final optimum of a fit that is corrected by the solid beam model, and the effect of the correction.
+    """Return the optimum of a fit after its correction by the solid beam model, and the effect of the correction.
 
-    In each pass of the correction, the fit is repeated with corrected residuals. `optima` are the prepared optima after
-    each pass, in place of real fits. The optimum before the first pass is 0.
+    optima : prepared optima after each repetition of the fit; the optimum before the first one is 0
     """
     passes = iter(optima)
     problem: Any = SimpleNamespace(

@@ -1,4 +1,4 @@
-"""Simulated beams that are bent, tapered or stepped at rest have the stated geometry and bend as in beam theory."""
+"""Beams that are curved, tapered or stepped at rest have the stated geometry and bend as in beam theory."""
 
 from dataclasses import replace
 

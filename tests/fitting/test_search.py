@@ -1,4 +1,4 @@
-"""The search finds known optima of functions, and continues from recorded generations."""
+"""The search finds known optima, and continues from recorded generations."""
 
 from __future__ import annotations
 
@@ -37,10 +37,7 @@ def valley(units: Array) -> Values:
 
 
 def rastrigin(units: Array) -> Values:
-    """Return Rastrigin's function of n points; it has many local minima around its optimum (Mühlenbein et al. 1991).
-
-    units: n points with d coordinates from 0 to 1, shape (n, d).
-    """
+    """Return Rastrigin's function, which has many local minima, at n points in d coordinates, shape (n, d)."""
     x = 10 * (units - OPTIMUM[: units.shape[1]])
     return Values((x**2 - 10 * np.cos(2 * np.pi * x) + 10).sum(axis=1))
 
@@ -69,11 +66,7 @@ def test_one_run_ends_near_the_optimum_and_reports_why_it_stopped(n, seed):
 
 
 def test_discarded_candidates_are_counted_in_each_generation_and_left_out_of_its_mean():
-    """Discarded candidates (sets of parameters) are counted in each generation, and left out of its mean error.
-
-    In this test, a candidate has no equilibrium if its first coordinate is above 0.5 and at most 0.6. If the coordinate
-    is above 0.6, its law is unstable.
-    """
+    # First coordinate above 0.5: no equilibrium; above 0.6: unstable law.
 
     @dataclass(frozen=True)
     class Parted(Values):
@@ -162,9 +155,9 @@ def test_the_record_of_another_search_is_refused():
 
 @dataclass(frozen=True)
 class Line:
-    """A replacement for the evaluation of P candidates that a search reads, with the residuals of a linear model.
+    """A replacement for the evaluation of P candidates (sets of parameters), with the residuals of a linear model.
 
-    residuals: (P, n) for n points of one state (load step).
+    residuals : shape (P, n) for n points of one load step
     """
 
     residuals: Array

@@ -1,8 +1,4 @@
-"""Fits with the solid model of the beam give the right modulus from edges that no planar model reproduces.
-
-The depth effect, that is, the difference between the solid and its planar model, takes long to compute. The tests also
-show that it is not computed again where an earlier one can be used.
-"""
+"""Fits with a solid beam model give the right modulus from edges that no planar model reproduces."""
 
 from __future__ import annotations
 
@@ -37,10 +33,7 @@ def similar_to(*effects):
 
 @cache
 def hidden():
-    """Return the solid model of the true beam, and the bent shapes of this beam under the loads of this file.
-
-    The mesh is finer than the mesh of a fit in all three directions.
-    """
+    """Return the solid model of the true beam on a fine mesh, and its shapes under the loads."""
     model = SolidModel(BEAM, 30, 3, more=1)
     return model, model.solve(NEO, np.array([[TRUE_PA]]), LOADS, tolerance_mm=1e-3)
 
@@ -212,12 +205,7 @@ def test_without_a_depth_effect_the_planar_model_predicts_the_next_solid_state(m
 
 
 def test_a_solid_far_from_its_planar_model_is_solved_in_load_steps_on_request():
-    """The method "follow" solves a solid in load steps if its shape differs much from the shape of its planar model.
-
-    The method "interpolate" fails for such a solid. The states of this test have loads that are not proportional, so
-    that every state is solved separately. If the shape of the planar model is close, "follow" needs no additional
-    solution.
-    """
+    # The loads are not proportional, so that every state is solved separately.
     loads, modulus = Loads.along([0.0, 3.0, 3.0], gravity_angle_deg=0.0, tip_force_N=[0.0, 0.0, 0.003]), [[TRUE_PA]]
     beside = SolidBeside(BEAM, 13, 1)
     given_up = beside.solve(NEO, np.array(modulus), loads, options=SolidOptions("interpolate"))

@@ -1,8 +1,4 @@
-"""Sensitivities, the derivatives of the edges with respect to parameters and loads, agree with finite differences.
-
-They also fulfil physical relations: for example, a change of the stiffness and a change of the field have opposite
-effects.
-"""
+"""Derivatives of the edges with respect to parameters and loads agree with finite differences and with physics."""
 
 from __future__ import annotations
 
@@ -27,10 +23,7 @@ CANDIDATES = {
 
 
 def edges_of(model: BeamModel, law: Law, parameters: np.ndarray, loads: Loads) -> np.ndarray:
-    """Return the edges of a beam with one set of parameters: points (x, y) in mm, shape (K, 2, m, 2).
-
-    The axes are: K states, left and right edge, m points, x and y.
-    """
+    """Return points of the edges (x, y) in mm, shape (K, 2, m, 2): K load steps, two edges, m points."""
     return points_on(edge_curves(model, model.solve(law, parameters[None], loads, tolerance_mm=1e-9)), 2)[0]
 
 

@@ -1,8 +1,4 @@
-"""The solid element and the solid beam model are right.
-
-The element's forces and tangents are derivatives of the energy. Solutions agree with exact solutions, with the planar
-model in plane strain and with an independent program.
-"""
+"""The solid element and the solid beam model agree with exact solutions and with an independent program."""
 
 from __future__ import annotations
 
@@ -41,11 +37,9 @@ def one_brick(name: str) -> tuple[brick.Operators, Batch]:
 
 
 def potential(ops: brick.Operators, batch: Batch, nodal: np.ndarray, pressure: np.ndarray) -> float:
-    """Return the potential of a solid element; its derivatives with respect to the displacements are nodal forces.
+    """Return the potential energy of a solid element: the integral of psi + p (J - 1).
 
-    The potential is the integral of psi + p (J - 1) over the element, with the volume ratio J and the pressure p. The
-    energy psi of the law is computed from the principal stretches. ops: the shape functions of the element. batch: the
-    law. nodal: displacements of the nodes.
+    psi: energy of the law; J: volume ratio; p: pressure.
     """
     F = brick.gradients(ops, nodal)
     F[range(3), range(3)] += 1

@@ -1,7 +1,4 @@
-"""Every source of uncertainty (uncertain input) changes the simulated experiment as its name says.
-
-A test fails if a new uncertain input is missing in this file.
-"""
+"""Every uncertain input changes the simulated experiment as its name says."""
 
 from __future__ import annotations
 
@@ -145,10 +142,7 @@ def turn(vector: np.ndarray, angle_deg: float) -> np.ndarray:
     ("source", "field_deg", "gravity_deg"), [("field", 3.0, 0.0), ("gravity", 0.0, 3.0), ("axis", -3.0, -3.0)]
 )
 def test_directions_turn_from_x_toward_y(source: str, field_deg: float, gravity_deg: float) -> None:
-    """An error of field or gravity rotates its direction from +x toward +y; weights at the tip rotate with gravity.
-
-    An error of the axis of the beam rotates field and gravity in the opposite direction.
-    """
+    # An error of the axis of the beam rotates field and gravity in the opposite direction.
     turned = loads_under(LOADS, {source: np.array([3.0])})
     assert turned.field_T == pytest.approx(turn(LOADS.field_T, field_deg))
     assert turned.gravity == pytest.approx(turn(LOADS.gravity, gravity_deg))

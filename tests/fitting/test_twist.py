@@ -1,7 +1,4 @@
-"""The twist of a beam whose magnetic moment is tilted out of the plane of bending agrees with independent results.
-
-The independent results are formulas, and a rod that bends and twists in three dimensions.
-"""
+"""The twist of a beam whose magnetic moment is tilted out of the plane of bending agrees with theory."""
 
 from __future__ import annotations
 
@@ -35,10 +32,8 @@ def test_a_straight_beam_across_the_field_twists_as_a_bar_under_a_couple() -> No
 
 
 def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -> None:
-    """The critical force at the tip of a cantilever is 4.013 sqrt(A C) / L^2 (Prandtl 1899).
-
-    A is the bending stiffness to the side, C the torsional stiffness, and L the length.
-    """
+    # Critical tip force (Prandtl 1899): 4.013 sqrt(A C) / L^2, with the lateral bending stiffness A, the torsional
+    # stiffness C and the length L.
 
     def turns(load: float) -> bool:
         force = load * np.sqrt(OUT_OF_PLANE * TORSION) / LENGTH_M**2
@@ -51,11 +46,7 @@ def test_a_bending_force_buckles_the_beam_to_the_side_at_the_load_of_prandtl() -
 
 
 def test_a_bent_beam_twists_as_a_rod_in_space() -> None:
-    """The computed twist of a bent beam agrees with that of a chain of eight rigid pieces in three dimensions.
-
-    The pieces are joined by springs against bending and twist. The shape of the chain is the one with the least energy.
-    The magnetic moment at the tip is tilted out of the plane of bending by a small angle.
-    """
+    # Reference: the shape of least energy of eight rigid pieces, joined by springs against bending and twist.
     pieces, field = 8, np.array([0.0, 7e-3, 0.0])
     spacing, stiffness = LENGTH_M / pieces, np.array([TORSION, OUT_OF_PLANE, IN_PLANE])
 

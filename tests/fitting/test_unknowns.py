@@ -1,4 +1,4 @@
-"""A fit may have unknowns besides the parameters of the law; a single entry in a table adds such an unknown."""
+"""A fit may have unknowns besides the parameters of the law; one entry in a table adds an unknown."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NOISE_MM = 3e-3
 
 @pytest.fixture
 def bent() -> Experiment:
-    """An experiment (beam model, loads and noisy edges) of a beam with a modulus of 46 kPa in three fields."""
+    """A simulated experiment: noisy edges of a beam with a modulus of 46 kPa in three fields."""
     magnet = Magnet(length_mm=4.0, width_mm=3.0, depth_mm=2.0, remanence_T=1.2, density_kg_m3=7500.0)
     beam = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", magnet)
     model, loads = BeamModel(beam, 26, 2), Loads.along((0.0, 4.0, 7.0))
@@ -54,10 +54,6 @@ def test_a_new_unknown_needs_only_one_entry_in_the_table(bent: Experiment, monke
 
 
 def test_a_freed_tilt_of_the_camera_is_found_in_the_shapes_of_the_beam() -> None:
-    """A fit that estimates the tilt of the camera finds it, and has a smaller error than a fit without a tilt.
-
-    The camera is tilted by 2 and -1 degrees.
-    """
     beam = Specimen(40.0, 3.0, 6.0, 1070.0, "plane-strain")
     model = BeamModel(beam, 26, 2)
     loads = Loads.along(np.zeros(4), gravity_angle_deg=90.0, tip_force_N=[0.0, 4e-3, 8e-3, 1.6e-2])

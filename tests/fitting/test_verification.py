@@ -17,10 +17,10 @@ NEO = LAWS["neo-hookean"]
 
 
 def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
-    """Convert a traction on one edge of a mesh to forces (x, y) in newton on the n nodes of the mesh, shape (n, 2).
+    """Convert a traction on one edge of a mesh to forces (x, y) in newton on its n nodes, shape (n, 2).
 
-    The forces do the same work as the traction, which does not change with the deformation. nodes: the nodes of the
-    edge, in order. traction: function from a point (x, y), shape (2,), to the traction in N/mm², shape (2,).
+    nodes : the nodes of the edge, in order
+    traction : function from a point (x, y) to the traction in N/mm², shape (2,)
     """
     force = np.zeros((len(mesh.nodes), 2))
     for a, b, c in zip(nodes[0:-1:2], nodes[1::2], nodes[2::2], strict=True):
@@ -33,10 +33,10 @@ def edge_forces(mesh: Mesh, nodes: np.ndarray, traction) -> np.ndarray:
 
 
 def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 1) -> Configuration:
-    """Return the equilibrium of a neo-Hookean body under forces on its nodes, applied in `steps` equal steps.
+    """Return the equilibrium of a neo-Hookean body under forces on its nodes, applied in equal steps.
 
-    force: forces (x, y) on the n nodes, shape (n, 2), which do not change with the deformation. mu, bulk: shear modulus
-    and bulk modulus.
+    force : forces (x, y) on n nodes, shape (n, 2)
+    mu, bulk : shear and bulk modulus
     """
     batch = Batch(NEO, np.array([[mu]]), "plane-strain", np.array([bulk]))
     now = solid.rest(1)
@@ -48,10 +48,7 @@ def solve(solid: Solid, force: np.ndarray, mu: float, bulk: float, steps: int = 
 
 
 def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh of Cook's membrane, clamped on the left, and the nodes of its right edge; n x n elements.
-
-    The corners of this benchmark problem are (0, 0), (48, 44), (48, 60) and (0, 44).
-    """
+    """Return a mesh (n x n elements) of Cook's membrane, clamped on the left, and the nodes of its right edge."""
     mesh = mapped_mesh(n, n, lambda s, t: (48 * s, 44 * s + t * (44 * (1 - s) + 16 * s)))
     fixed = np.zeros((len(mesh.nodes), 2), bool)
     fixed[mesh.column(0)] = True
@@ -59,10 +56,7 @@ def cooks_membrane(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
-    """Return a mesh of a quarter of a cylinder with the radii 1 and 2, and the nodes on its inner face.
-
-    n: number of elements across the thickness.
-    """
+    """Return a mesh (n elements across the wall) of a quarter cylinder of radii 1 and 2, and its inner nodes."""
     mesh = mapped_mesh(
         2 * n,
         n,
@@ -75,11 +69,7 @@ def quarter_cylinder(n: int) -> tuple[Solid, np.ndarray]:
 
 
 def inflate(n: int, stretch: float, pressure: float) -> tuple[Solid, Configuration]:
-    """Inflate a thick cylinder by a radial traction on its inner face; return the mesh and its deformed shape.
-
-    The traction is given for the undeformed area: the pressure in the deformed shape times the stretch of the inner
-    radius.
-    """
+    """Inflate a thick cylinder by a pressure on its inner face; return the mesh and its deformed shape."""
     solid, inner = quarter_cylinder(n)
     force = edge_forces(solid.mesh, inner, lambda x: pressure * stretch * x / np.linalg.norm(x))
     return solid, solve(solid, force, 1.0, 1e6, steps=6)
@@ -126,9 +116,9 @@ def test_displacement_and_pressure_converge_with_their_orders():
 
 
 def exact_pressure(R: np.ndarray, stretch: float) -> np.ndarray:
-    """Return the exact hydrostatic pressure in an inflated thick cylinder at the undeformed radii R, divided by mu.
+    """Return the exact pressure in an inflated cylinder of radii 1 and 2 at the undeformed radii R, divided by mu.
 
-    The cylinder has the radii 1 and 2; stretch: inner radius after the inflation.
+    stretch : inner radius after the inflation
     """
     lam = np.sqrt(R**2 + stretch**2 - 1) / R
     outer = np.sqrt((4 + stretch**2 - 1) / 4)

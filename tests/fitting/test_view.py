@@ -14,11 +14,10 @@ RULER_MM = np.array([[2.0, -18.0], [48.0, -19.0]])
 
 
 def pinhole(places: np.ndarray, tilt_deg: tuple[float, float]) -> np.ndarray:
-    """Return the picture (x, y) of n points by a pinhole camera that is tilted about the centre, shape (n, 2).
+    """Return the image of n points by a tilted pinhole camera: x and y in mm at the centre's distance, shape (n, 2).
 
-    places: the points in mm, shape (n, 3): right, down and away from the camera. tilt_deg: rotation about the downward
-    axis, which brings the right side nearer to the camera, and rotation about the axis to the right, which brings the
-    lower side nearer. The result is in mm at the distance of the centre.
+    places : the points in mm, shape (n, 3): right, down and away from the camera
+    tilt_deg : rotations that bring the right side and the lower side nearer
     """
     along, across = np.radians(tilt_deg)
     turn = cv2.Rodrigues(np.array([-across, along, 0.0]))[0]

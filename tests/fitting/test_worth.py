@@ -1,9 +1,4 @@
-"""Likelihood profiles, comparisons of laws, and the coverage of intervals are right.
-
-If the data determine only a combination of parameters, such as their sum, this combination is named.
-
-The tests use objectives and measurements whose results are known.
-"""
+"""Likelihood profiles, comparisons of laws, and the coverage of intervals are right."""
 
 from __future__ import annotations
 
@@ -18,10 +13,7 @@ from tests.shared.virtual_measurements import Case, outcome, row
 
 
 def valley(bend: float):
-    """Return an objective with a narrow curved valley v = bend u² in two coordinates, and its Hessian at the minimum.
-
-    u and v are the coordinates minus 0.5. For a given u, the smallest value over all v is (u / 0.05)².
-    """
+    """Return a function with the narrow curved valley v = bend u², and its Hessian at the minimum."""
 
     def rise(unit):
         u, v = (unit - 0.5).T
@@ -141,12 +133,7 @@ def test_information_criteria_follow_their_definition():
     ("experiments", "least"), [(8, 75), pytest.param(100, 88, marks=pytest.mark.slow)], ids=["short", "long"]
 )
 def test_intervals_are_as_wide_as_the_scatter(experiments, least):
-    """About 95 % of the intervals of simulated fits contain the true modulus, although all inputs have random errors.
-
-    The test requires 6 of 8 intervals, or 88 of 100 in the long test. Correct 95 % intervals fail this with a
-    probability of 1 in 1000. The short test uses neo-Hookean beams, one of them with a solid section; the long test
-    uses all laws.
-    """
+    # Correct 95 % intervals fail (fewer than 6 of 8, or 88 of 100) with a probability of 1 in 1000.
     numbers = (0, 4, 8, 12, 16, 20, 24, 36) if experiments == 8 else range(experiments)
     coverage = row("all", [outcome(Case(number, seed=7)) for number in numbers])
     assert coverage.held_percent >= least

@@ -1,4 +1,4 @@
-"""The laws that are tested: a test with the argument ``row`` runs once for each law in ROWS."""
+"""The hyperelastic laws under test: a test with the argument ``row`` runs once for each law in ROWS."""
 
 from __future__ import annotations
 
@@ -15,26 +15,14 @@ from examples.arruda_boyce import ArrudaBoyce
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A law and the inputs that the tests of this law use.
+    """A law and the inputs of its tests.
 
-    Parameters
-    ----------
-    law
-        The law under test.
-    energy
-        Parameters in MPa for which the stress is far from linear.
-    silicone
-        Parameters in Pa, all of them non-zero, for which the law is stable everywhere.
-    candidates
-        Strategy of the package Hypothesis, which generates parameters of any sign.
-    recovered
-        Relative tolerance within which a tensile fit returns the parameters of a simulated curve. None if the fit only
-        reproduces the curve.
-    refused
-        Names of the finite-element programs for which the law has no material card (input of the program).
-    volume_pressure
-        Derivative dU/dJ of the volume energy U in the cards of Abaqus and CalculiX, as a function of the bulk modulus
-        and the volume ratio J.
+    energy : parameters in MPa for which the stress is far from linear
+    silicone : parameters in Pa, none of them zero, for which the law is stable
+    candidates : generator (package Hypothesis) of parameters of any sign
+    recovered : relative tolerance of the parameters that a tensile fit returns; None if they are not unique
+    refused : finite-element programs for which the law has no material card (input)
+    volume_pressure : derivative dU/dJ of the volume energy U in a card, from bulk modulus and volume ratio J
     """
 
     law: Law

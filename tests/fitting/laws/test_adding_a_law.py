@@ -1,4 +1,4 @@
-"""A user's law is registered as CONTRIBUTING.md describes, and every part of the suite accepts this law."""
+"""A user's law, registered as CONTRIBUTING.md describes, is accepted by every part of the tests."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """The energy that a finite-element program computes from a material card is the energy of the law.
 
-This file takes the energies of the programs from their manuals, not from the code that writes the cards: Abaqus
-Analysis User's Guide, hyperelastic behavior of rubberlike materials (CalculiX reads the same cards); ANSYS Material
-Reference, TB,HYPER; COMSOL Structural Mechanics Module User's Guide, hyperelastic materials; FEBio User's Manual,
-uncoupled materials; SOFA, TetrahedronHyperelasticityFEMForceField. In the formulas, s is the three isochoric principal
-stretches.
+Sources: Abaqus Analysis User's Guide; ANSYS Material Reference, TB,HYPER; COMSOL Structural Mechanics Module User's
+Guide; FEBio User's Manual; SOFA, TetrahedronHyperelasticityFEMForceField.
 """
 
 from __future__ import annotations
@@ -51,22 +48,19 @@ def arruda_boyce(mu: float, locking: float, s: np.ndarray) -> float:
 
 
 def two_over(numbers: Numbers) -> float:
-    """Return the bulk modulus K = 2/D (MPa) of the volume energy (J - 1)²/D; D is the last of a card's constants."""
+    """Return the bulk modulus 2/D (MPa), where D is the last constant of a card."""
     return 2 / numbers[-1]
 
 
 def two_over_first_of_three(numbers: Numbers) -> float:
-    """Return the bulk modulus 2/D_1 (MPa) of the volume energy sum (J - 1)^(2i)/D_i; assert that D_2 and D_3 are 0.
-
-    D_1, D_2 and D_3 are the last three constants of a card.
-    """
+    """Return the bulk modulus 2/D_1 (MPa), where D_1, D_2 and D_3 are the last constants of a card."""
     assert list(numbers[-2:]) == [0.0, 0.0]
     return 2 / numbers[-3]
 
 
 @dataclass(frozen=True)
 class Reading:
-    """The material that a program reads from a card: isochoric energy, bulk modulus (MPa) and number of constants."""
+    """The material in a card: isochoric energy, bulk modulus (MPa) and number of constants."""
 
     energy: Energy
     bulk: Callable[[Numbers], float]
@@ -76,11 +70,9 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return, for each law, how Abaqus or ANSYS interprets the constants in a material card.
+    """Return, for each law, how Abaqus (or ANSYS, if `ansys`) interprets the constants in a material card.
 
-    `ansys` says whether the program is ANSYS; the programs have the same keywords, but define some constants
-    differently. `of_yeoh` and `of_ogden` compute the bulk modulus from the constants of Yeoh's and of Ogden's law, for
-    which the programs also differ.
+    of_yeoh, of_ogden : bulk modulus from the constants of Yeoh's and of Ogden's law, which differs between the programs
     """
     half = 0.5 if ansys else 1.0
     per_term = (lambda mu, a: mu / a) if ansys else (lambda mu, a: 2 * mu / a**2)
@@ -127,7 +119,7 @@ READINGS: dict[tuple[str, str], Reading] = {
 
 
 def read(solver: str, card: str) -> tuple[str, Numbers]:
-    """Return the name of the law in a card, and the constants in the order of the program; moduli are in MPa."""
+    """Return the name of the law in a material card, and its constants (moduli in MPa)."""
     if solver in ("abaqus", "calculix"):
         name, _, rows = card.partition("*HYPERELASTIC, ")[2].partition("\n")
         return name, [float(x) for row in rows.splitlines() for x in row.split(",")]
@@ -151,10 +143,7 @@ def read(solver: str, card: str) -> tuple[str, Numbers]:
 
 
 def febio_expression(card: str, s: np.ndarray) -> float:
-    """Return the energy (MPa) of FEBio's material "uncoupled hyperelastic" at the stretches s.
-
-    The card of this material contains the energy as a formula.
-    """
+    """Return the energy (MPa) of the formula in a FEBio card at the principal stretches s, shape (3,)."""
     text = (ET.fromstring(card).findtext("W") or "").replace("^", "**")
     assert re.fullmatch(r"[-+*() .\dI]+", text)
     return float(eval(text, {"I1": first(s)}))

@@ -1,7 +1,4 @@
-"""Material cards have the constants that each program expects; a law that a program lacks is refused.
-
-CalculiX reproduces the stress of each law from its card.
-"""
+"""Material cards (inputs of finite-element programs) have the right constants; a law without a card is refused."""
 
 from __future__ import annotations
 
@@ -50,7 +47,7 @@ def numbers(lines: list[str]) -> list[float]:
 
 
 def keyword_constants(card: str) -> list[float]:
-    """Return the constants of a card below the line *HYPERELASTIC."""
+    """Return the constants in a card below the line *HYPERELASTIC."""
     return numbers(card.partition("*HYPERELASTIC")[2].splitlines()[1:])
 
 
@@ -118,10 +115,9 @@ def test_calculix_uses_the_volume_term_that_the_card_contains(tmp_path: Path, ro
 
 
 def compressible_force(chosen: Material, pressure: Callable[[float, float], float], stretch: float) -> float:
-    """Return the engineering stress (Pa) of a compressible material at a stretch along one axis, with free sides.
+    """Return the engineering stress (Pa) of a compressible material in uniaxial tension.
 
-    chosen: the material. pressure: function from the bulk modulus (Pa) and the volume ratio J to the derivative dU/dJ
-    of the card's volume energy U (Pa).
+    pressure : function from bulk modulus (Pa) and volume ratio J to dU/dJ, with the volume energy U (Pa)
     """
 
     def kirchhoff(side: float) -> np.ndarray:
@@ -198,11 +194,7 @@ def test_a_card_for_sofa_has_the_constants_of_its_source_or_is_refused() -> None
 
 
 def test_a_card_for_sofa_names_the_versions_for_which_it_is_valid() -> None:
-    """A card for SOFA names the versions of SOFA for which it is valid.
-
-    SOFA v25.12 changed its Ogden law and the order of the constants. The versions after v26.06 also have another
-    element (HyperelasticityFEMForceField); a comment in the card gives its constants.
-    """
+    # SOFA v25.12 changed the order of the Ogden constants; versions after v26.06 have HyperelasticityFEMForceField.
     one_term = material("ogden", [20e3, 1.7, 0.0, 5.0, -0.0, -2.0])
     for chosen, component in (
         (material("neo-hookean"), "NeoHookeanMaterial"),
@@ -216,10 +208,7 @@ def test_a_card_for_sofa_names_the_versions_for_which_it_is_valid() -> None:
 
 
 def test_the_young_modulus_for_sofa_gives_the_constants_of_the_card() -> None:
-    """Young's modulus and Poisson's ratio in a card for SOFA agree with the Lamé constants in the card.
-
-    In linear elasticity, mu = E/2/(1 + nu) and lambda = E nu/(1 + nu)/(1 - 2 nu).
-    """
+    # Lamé constants: mu = E/2/(1 + nu) and lambda = E nu/(1 + nu)/(1 - 2 nu).
     card = material_card("sofa", material("neo-hookean"))
     mu, lame = (float(x) for x in (ET.fromstring(card).get("ParameterSet") or "").split())
     young, poisson = (float(x) for x in re.findall(r"(?:youngModulus|poissonRatio) = ([0-9.e-]+)", card))
@@ -288,10 +277,7 @@ def test_a_bulk_modulus_below_two_thirds_of_the_shear_modulus_is_refused() -> No
     ],
 )
 def test_a_card_contains_the_prony_series_or_says_that_the_program_has_none(solver: str, lines: list[str]) -> None:
-    """A card contains the Prony series, or says that the program has no Prony series.
-
-    Abaqus and ANSYS take instantaneous moduli; FEBio and programs without a Prony series take long-term moduli.
-    """
+    # Abaqus and ANSYS take instantaneous moduli; FEBio and programs without a Prony series take long-term moduli.
     series = Prony(np.array([0.2]), np.array([1.5]))
     material = Material(LAWS["neo-hookean"], np.array([50e3]), 50e6, "SILICONE", (), series)
     card = material_card(solver, material)

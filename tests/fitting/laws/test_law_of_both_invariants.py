@@ -1,4 +1,4 @@
-"""A user's law that is nonlinear in I1 and linear in I2 has the right derivatives in plane strain and plane stress."""
+"""A user's law in I1 and I2 has the right derivatives in plane strain and plane stress."""
 
 from __future__ import annotations
 

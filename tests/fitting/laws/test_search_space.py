@@ -1,4 +1,4 @@
-"""Coordinates between 0 and 1, which the search uses, are converted to parameters of a law."""
+"""Numbers between 0 and 1, which the search uses, are converted to parameters of a law."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Widths of the intervals of a tensile fit agree with calculations by hand.
-
-The tests vary the noise, its correlation and the degrees of freedom.
-"""
+"""The widths of the intervals of a tensile fit agree with calculations by hand."""
 
 from __future__ import annotations
 
@@ -19,12 +16,9 @@ LAW, MU = LAWS["neo-hookean"], np.array([46e3])
 @pytest.mark.parametrize("rows", [4, 8, 40])
 @pytest.mark.parametrize("alike", [1, 4], ids=["white", "alike"])
 def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -> None:
-    """The half-width of the interval of the modulus is t sigma sqrt(tau) / |s|, as in linear least squares.
-
-    The curve has n rows. s is the vector of the n derivatives of the stress with respect to the modulus. The residuals
-    of neighbouring rows are correlated, and tau rows count as one independent row. t is Student's factor for n/tau - 1
-    degrees of freedom, and sigma² is the sum of the squared residuals divided by n - 1.
-    """
+    # Half-width of the modulus: t sigma sqrt(tau) / |s|. n: rows of the curve; s: n derivatives of the stress with
+    # respect to the modulus; tau: correlated rows that count as one; t: Student's factor for n/tau - 1 degrees of
+    # freedom; sigma²: sum of squared residuals / (n - 1).
     strain = np.linspace(0.1, 0.8, rows)
     slope = engineering_stress(LAW, np.ones(1), strain)
     noise = np.random.default_rng(rows).normal(0, 500, rows)
@@ -45,10 +39,7 @@ def test_the_half_width_is_that_of_linear_least_squares(rows: int, alike: int) -
 
 
 def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
-    """If a fit sets the modulus of an Ogden term to zero, the interval of this modulus has a width above zero.
-
-    The true curve has only one of the three terms of the law. The noise could hide small moduli of the other two terms.
-    """
+    # The true curve has one of the three terms; the noise could hide small moduli of the other two.
     law = LAWS["ogden"]
     strain = np.linspace(0.02, 0.5, 25)
     truth = np.array([30e3, 2.0, 0.0, 6.0, 0.0, -2.0])
@@ -69,11 +60,7 @@ def test_an_absent_ogden_term_has_a_modulus_interval_of_finite_width() -> None:
 
 
 def test_exponents_that_the_data_do_not_determine_are_limited_by_their_range() -> None:
-    """If the data do not determine the Ogden exponents, the intervals of the moduli are still finite.
-
-    The stress at small strains depends only on the initial shear modulus, which is determined well. The moduli of the
-    terms then depend on the exponents, and the permitted range of the exponents limits them.
-    """
+    # Small strains determine only the initial modulus, so that the moduli depend on the permitted exponents.
     law = LAWS["ogden"]
     strain = np.linspace(0.005, 0.06, 30)
     noise = np.random.default_rng(6).normal(0, 40, 30)

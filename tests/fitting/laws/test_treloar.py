@@ -1,9 +1,7 @@
 """Ogden's law describes Treloar's measurements of rubber in simple tension.
 
-Data: L. R. G. Treloar 1944, Trans. Faraday Soc. 40:59, vulcanised rubber, nominal stress in kgf/cm², as tabulated in
-the documentation of FElupe (after P. Neff's group, Universität Duisburg-Essen). Constants of the three terms: Ogden
-1972, Proc. R. Soc. Lond. A 326:565, chosen for simple tension, equibiaxial tension and pure shear together. Sets of
-constants are not unique (Ogden, Saccomandi and Sgura 2004, Comput. Mech. 34:484), so that the tests compare the curves.
+Data: Treloar 1944, Trans. Faraday Soc. 40:59 (nominal stress in kgf/cm²), as tabulated in the documentation of FElupe.
+Constants: Ogden 1972, Proc. R. Soc. Lond. A 326:565.
 """
 
 from __future__ import annotations

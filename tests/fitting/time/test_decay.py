@@ -1,7 +1,4 @@
-"""Frequency and loss of a beam are found in recorded free vibrations (ring-downs).
-
-This is also the case with gaps, drift, higher modes, large amplitudes and hanging weights.
-"""
+"""Frequency and loss of a beam are found in recorded free vibrations, also with gaps, drift and higher modes."""
 
 from __future__ import annotations
 
@@ -31,12 +28,12 @@ def recorded(
     rising_loss: float = 0.0,
     seed: int = 0,
 ) -> Motion:
-    """Return the motion of ten points on a cantilever that vibrates in its first mode and is released at ``begins_s``.
+    """Return the motion of ten points on a cantilever that vibrates in its first mode, released at ``begins_s``.
 
-    loss: loss factor. seconds, rate_Hz: duration and frame rate. amplitude_mm: amplitude at the tip. sigma_mm: standard
-    deviation of the noise. drift_mm_s: velocity of a steady sideways drift. hidden: share of the positions that are
-    missing (NaN). row_s: time (s) between the exposures of the first and the last point, as with a rolling shutter.
-    rising_loss: by how much the loss factor rises in each second, during the first two seconds.
+    loss : loss factor
+    hidden : share of the positions that are missing (NaN)
+    row_s : time between the exposures of the first and the last point (rolling shutter)
+    rising_loss : increase of the loss factor in each second, during the first two seconds
     """
     rng, points = np.random.default_rng(seed), 10
     x = np.linspace(6, LENGTH_MM, points)
@@ -117,9 +114,9 @@ def test_the_displacement_for_a_figure_lies_within_the_envelope() -> None:
 
 
 def disturbed(motion: Motion, added_mm: np.ndarray) -> Motion:
-    """Return a motion in which each point also moves by the displacement `added_mm`, in mm, shape (n,) for n frames.
+    """Return a motion in which each point also moves by `added_mm` times (s / L)², shape (n,) for n frames.
 
-    For a point at the distance s from the clamp of a beam of length L, `added_mm` is multiplied by (s / L)².
+    s: distance of the point from the clamp; L: length of the beam.
     """
     points = motion.points_mm.copy()
     points[..., 1] += added_mm[:, None] * (motion.rest_mm[:, 0] / LENGTH_MM) ** 2
@@ -137,10 +134,7 @@ def test_frames_in_which_a_hand_still_touches_the_beam_are_left_out_and_reported
 
 
 def touched(from_s: float, to_s: float, loss: float = 0.6) -> Motion:
-    """Return a ring-down (free vibration) in which a hand adds stiffness and loss between two times.
-
-    loss: the loss factor between these two times.
-    """
+    """Return a free vibration in which a hand adds stiffness and the loss factor `loss` between two times."""
     motion = recorded(rate_Hz=100.0, seconds=4.0)
     time = motion.time_s[:, 0]
     is_held = (time >= from_s) & (time < to_s)

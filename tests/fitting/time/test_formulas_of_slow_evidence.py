@@ -1,4 +1,4 @@
-"""The evidence for a viscoelastic law and its result give numbers that can be computed by hand or in closed form."""
+"""The fit of a viscoelastic law agrees with calculations by hand and with closed forms."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def test_the_time_steps_of_a_history_are_short_at_first_and_end_at_the_wanted_ti
 
 
 class Straight:
-    """A replacement for the history of loads of an evidence that is given its rotations."""
+    """A replacement for a history of loads, whose rotations are given."""
 
     steps = (LoadStep(0.0, constant(5e3)),)
 
@@ -418,7 +418,7 @@ def test_the_budget_of_the_dynamic_modulus_has_its_sources_the_noise_and_the_sma
 
 
 def signals(channels_mm: np.ndarray, time_s: np.ndarray) -> Signals:
-    """Return signals whose second channel is the second coordinate of a point, with a noise of 0.1 mm."""
+    """Return signals with 0.1 mm noise from the coordinates of points; the second one is y of a point."""
     number = np.zeros(2, np.intp)
     return Signals(time_s, channels_mm, np.array([0.1, 0.1]), number, np.arange(2), channels_mm, np.eye(2), 0.0)
 

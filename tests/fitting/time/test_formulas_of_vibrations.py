@@ -1,4 +1,4 @@
-"""The parts of a vibration analysis give numbers that can be computed by hand or by an independent formula."""
+"""Parts of the analysis of a vibration agree with calculations by hand or with an independent formula."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from eimi_fitting.time.terms import Terms
 def fit(
     modes: list[tuple[float, float]], linear: list[list[float]], bend: tuple[float, float] = (0.0, 0.0)
 ) -> ModalFit:
-    """Return a fit in 400 frames, 100 in a second, with two reduced signals that move two channels.
+    """Return the fit of a vibration in 400 frames, 100 in a second, with two reduced signals.
 
-    modes: frequency (Hz) and loss factor of each vibration. linear: the first coefficients of the two signals. The
-    first channel is 2 mm times the first signal, the second channel 3 mm times the second signal.
+    modes : frequency (Hz) and loss factor of each vibration
+    linear : first coefficients of the two signals, which move two channels by 2 mm and 3 mm
     """
     of_modes = np.array([[np.log(2 * np.pi * f), loss] for f, loss in modes])
     time, change = np.arange(400) / 100.0, np.array(bend)
@@ -324,7 +324,10 @@ def test_eddy_currents_and_the_coil_take_energy_from_a_turning_magnet() -> None:
 
 
 def filmed(seen: np.ndarray, sigma_mm: float = 0.01, size_mm: float = 1.0) -> Motion:
-    """Return a motion in which each point swings in its own ratio; `seen` (frames, points) tells who was visible."""
+    """Return a motion whose points swing with given amplitudes.
+
+    seen : whether each point is visible, shape (frames, points)
+    """
     frames, points = seen.shape
     time = np.repeat(np.arange(frames)[:, None] / 50.0, points, axis=1)
     places = np.zeros((frames, points, 2))

@@ -1,7 +1,4 @@
-"""The limits by which a fitted ring-down (free vibration) is judged hold just below and just above their values.
-
-The fits are made of numbers without a recording, so that each quantity that a limit applies to is known exactly.
-"""
+"""The limits by which a fitted free vibration is judged hold just below and just above their values."""
 
 from __future__ import annotations
 
@@ -38,10 +35,11 @@ def fit(
     second: tuple[float, float] | None = None,
     bend: tuple[float, float] | None = None,
 ) -> ModalFit:
-    """Return a fit of one vibration at 5 Hz whose residuals are `share` times the vibration (root mean squares).
+    """Return a fit of a vibration at 5 Hz whose residuals are `share` times the vibration (root mean squares).
 
-    size: the factors of the cosine and of the sine. second: ratio of the frequency of a second vibration to 5 Hz, and
-    factor of its cosine. bend: the change of the first vibration with its amplitude.
+    size : factors of cosine and sine
+    second : frequency ratio and cosine factor of a second vibration
+    bend : change of the first vibration with its amplitude
     """
     modes = np.array([[np.log(2 * np.pi * FREQUENCY_HZ), loss]])
     if second:

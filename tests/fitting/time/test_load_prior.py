@@ -1,9 +1,4 @@
-"""The fit of a viscoelastic (Prony) law takes the uncertainty of the magnetic loads into account.
-
-The fit has an additional unknown: a factor that multiplies the magnetic loads. The standard deviation of its prior
-follows from the given uncertainties of the magnetic moment and of the coil constant. An uncertain factor makes the
-moduli of the Prony law uncertain.
-"""
+"""The fit of a viscoelastic law takes the uncertainty of the magnetic loads into account."""
 
 from __future__ import annotations
 
@@ -48,11 +43,9 @@ def test_an_exact_moment_has_no_uncertainty_and_an_unknown_moment_is_free(specim
 
 @dataclass(frozen=True)
 class Normal:
-    """A replacement for measured data: one number that depends only on the modulus and on the factor of the loads.
+    """A replacement for measured data: the number ln(modulus / MODULUS_PA) + of_load · ln(factor of the loads).
 
-    The factor multiplies the magnetic loads. The number is ln(modulus / MODULUS_PA) + of_load · ln(factor), and
-    `of_load` thus says how it depends on the loads. mean, sigma: the measured value of the number and its standard
-    deviation.
+    mean, sigma : measured value of the number and its standard deviation
     """
 
     of_load: float

@@ -1,7 +1,4 @@
-"""The rotation of the tip during creep is measured without bias, also for a strongly bent beam.
-
-The shape of such a beam depends on the modulus, so that the rotation in the picture has to be converted.
-"""
+"""The rotation of the tip during creep is measured without bias, also for a strongly bent beam."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""In a fit to static states of several runs, each state counts with its own age.
-
-The age is the time from the load step to the measurement of the edges. The stress relaxes during this time. The runs
-may hold their states for different times.
-"""
+"""In a fit to several runs, each load step counts with its age, the time for which its load is held."""
 
 from __future__ import annotations
 
@@ -31,9 +27,9 @@ def beam() -> RingingBeam:
 
 
 def static(beam: RingingBeam, *dwells_s: float) -> StaticEvidence:
-    """Return the static states of several runs.
+    """Return the load steps of several runs.
 
-    dwells_s: for each run, the time (s) for which each of its states is held.
+    dwells_s : for each run, the time for which each load is held
     """
     loads = Loads.along(FIELDS_mT)
     runs = []

@@ -1,7 +1,4 @@
-"""The computed motion of a viscoelastic beam agrees with the theory of small vibrations.
-
-The equations of motion contain the inertia of the beam and the internal stresses of its Prony series.
-"""
+"""The computed motion of a viscoelastic beam agrees with the theory of small vibrations."""
 
 from __future__ import annotations
 
