@@ -1,7 +1,4 @@
-"""Describe the numbers of a result as lines of text, and compare them with an accepted description in a file.
-
-An array is described by its shape, by the mean and the standard deviation of its values, and by some of its values.
-"""
+"""Describe the numbers of a result as lines of text, and compare them with an accepted text in a file."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
 
 
 def described(value: Any, name: str) -> Iterator[str]:
-    """Yield one line for each number, text and array in a value. Each line begins with the place in the value."""
+    """Yield a line for each number, text and array (shape, mean, deviation, some values) in a value."""
     if is_dataclass(value) and not isinstance(value, type):
         for part in fields(value):
             yield from described(getattr(value, part.name), f"{name}.{part.name}")
@@ -57,7 +54,7 @@ def _array(values: np.ndarray) -> str:
 
 
 def differences(lines: Iterable[str], accepted: Iterable[str], relative: float, absolute: float) -> list[str]:
-    """Return the lines that differ from the accepted lines in words, or in a number by more than the tolerances."""
+    """Return the lines that differ from the accepted lines in words, or in numbers by more than the tolerances."""
     here, there = list(lines), list(accepted)
     if len(here) != len(there):
         return [f"{len(here)} lines instead of {len(there)}", *sorted(set(here).symmetric_difference(there))]
@@ -77,11 +74,7 @@ def _near(one: str, other: str, relative: float, absolute: float) -> bool:
 
 
 def check(lines: Iterable[str], accepted: Path, folder: Path, relative: float = 2e-3, absolute: float = 2e-5) -> None:
-    """Fail if the lines are not as in the file `accepted`.
-
-    The new description is then written to `folder`. If a change is wanted, read the differences, and copy the new
-    description over the accepted one.
-    """
+    """Fail if the lines differ from the file `accepted`, and write them to `folder` as a new proposal."""
     described_now = list(lines)
     new = folder / accepted.name
     new.write_text("\n".join(described_now) + "\n", encoding="utf-8")

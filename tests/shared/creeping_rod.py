@@ -1,9 +1,7 @@
-"""Small vibrations and slow creep of the rod of the virtual rig, without an integration of the vibrations in time.
+"""Simulate creep and small vibrations of the rod of the virtual rig, a hundred times faster than `MovingBeam`.
 
-The class `MovingBeam` of the virtual rig integrates the whole motion in time, in steps of milliseconds. Here the creep
-is integrated without inertia, in steps that grow with the time since the last change of the field. The lowest vibration
-is computed from the derivatives of the forces with respect to the shape of the rod, and is added. The sum is exact for
-small vibrations only. It takes a hundredth of the time, so that hundreds of hidden materials can be recorded.
+The creep is integrated without inertia, and the lowest vibration (from the linearised forces) is added. The sum is
+exact for small vibrations only.
 """
 
 from __future__ import annotations
@@ -27,22 +25,20 @@ _TANGENTS_S = np.geomspace(0.02, 20.0, 7)  # times after a change of the field a
 
 
 class CreepingRod:
-    """A viscoelastic rod that begins at rest, in equilibrium with a field.
-
-    The n coordinates of the rod describe its shape, for example amplitudes of bending (see `Rod`).
+    """A viscoelastic rod that begins at rest in a field. Its shape has n coordinates, as in `Rod`.
 
     Parameters
     ----------
     rod : Rod
-        The elastic model of the rod.
+        The elastic model.
     at_rest_Pa : float
         Long-term shear modulus.
     series : Prony
         The Prony series of the material.
     loads : callable
-        Takes a field of the coil in mT. Returns the whole field (2,) in T and gravity (2,) in m/s².
+        Function from the field of the coil (mT) to the whole field (2,) in T and gravity (2,) in m/s².
     field_mT : float
-        The field in which the rod begins at rest.
+        The field at the beginning.
     """
 
     def __init__(
@@ -67,25 +63,20 @@ class CreepingRod:
         return self.rod.loads(z, derivatives, remaining, *self._loads(field_mT))
 
     def _tangent(self, z: Array, field_mT: float) -> Array:
-        """Return the derivatives of the loads on the rod with respect to the n coordinates of its shape, (n, n)."""
+        """Return the derivatives of the loads with respect to the n coordinates of the shape, (n, n)."""
         ends = [self._force(z + e, field_mT) - self._force(z - e, field_mT) for e in _STEP * np.eye(len(z))]
         return np.stack(ends, axis=1) / (2 * _STEP)
 
     def _strain_derivatives(self, z: Array) -> Array:
-        """Return the derivatives of the n strains (`Rod.strain`) with respect to the n coordinates of the shape.
-
-        The result has the shape (n, n).
-        """
+        """Return the derivatives of the n strains with respect to the n coordinates of the shape, (n, n)."""
         return np.stack([self.rod.strain_rate(z, e) for e in np.eye(len(z))], axis=1)
 
     def _balanced(self, z: Array, faded: Array, gains: Array, field_mT: float) -> Array:
-        """Return the n coordinates of the rod after a step in time, at which its internal forces balance the loads.
+        """Return the n coordinates after a step in time, at which internal forces and loads balance.
 
-        Each term of the Prony series remembers earlier changes of the strains, and forgets them with its time constant.
-
-        z: coordinates before the step, (n,). faded: for each term, the changes before this step that it still remembers
-        after the step, (terms, n). gains: for each term, the share of the change in this step that it remembers after
-        the step, (terms,).
+        z : coordinates before the step, (n,)
+        faded : strains that each term of the Prony series still remembers from before the step, (terms, n)
+        gains : share of the change of strain in this step that each term remembers, (terms,)
         """
         gain = float(gains.sum())
         # One-sided differences are exact enough for Newton's method, and half as expensive as `_tangent`.
@@ -100,11 +91,7 @@ class CreepingRod:
         return new
 
     def hold(self, field_mT: float, seconds: float) -> tuple[Array, Array]:
-        """Change the field at once, keep it for `seconds`, and return the creep: times, and coordinates at these times.
-
-        The m times (s) have the shape (m,), and the n coordinates (m, n). The first time is 0; its coordinates are
-        those after the elastic response to the change.
-        """
+        """Change the field at once, and return the creep: m times (s), (m,), and n coordinates, (m, n)."""
         decades = np.log10(seconds / _FIRST_S)
         times = np.append(0.0, np.geomspace(_FIRST_S, seconds, int(np.ceil(_STEPS_PER_DECADE * decades)) + 1))
         slow = []
@@ -128,11 +115,11 @@ class CreepingRod:
         self.coordinates = new
 
     def rates(self, coordinates: Array, field_mT: float) -> tuple[NDArray[np.complex128], Array, Array]:
-        """Return the complex rates (1/s) of the lowest vibration of the rod about B bent shapes, shape (B,).
+        """Return the complex rates (1/s) of the lowest vibration about several bent shapes, (shapes,).
 
-        The real part of a rate is the negative decay rate, and the imaginary part is the angular frequency. Also
-        return, for the first shape, the mode of this vibration, (n,), and the mass matrix, (n, n). coordinates: the n
-        coordinates of each shape, (B, n).
+        A rate is minus the decay rate plus i times the angular frequency. Also returned, for the first shape: the mode
+        of vibration, (n,), and the mass matrix, (n, n).
+        coordinates : (shapes, n)
         """
         still = np.zeros(self.rod.size)
         masses = np.stack([self.rod.mass(self.rod.moved(z, still)[0]) for z in coordinates])
@@ -146,11 +133,10 @@ class CreepingRod:
         return roots, np.real(vectors[:, int(np.argmin(values.real))]), masses[0]
 
     def record(self, field_mT: float, seconds: float, times_s: Array, vibrates: bool = True) -> tuple[Array, complex]:
-        """Change the field at once, keep it for `seconds`, and return the motion and the rate of its vibration.
+        """Change the field at once; return the motion at m times after the change, (m, n), and the complex rate (1/s).
 
-        The motion is the n coordinates at the m times `times_s` after the change, (m, n). If `vibrates` is false, it
-        contains the creep alone. The complex rate (1/s) of the vibration changes while the rod creeps; the returned
-        rate is that at the time at which the vibration has become 15 times smaller.
+        The rate is that at the time at which the vibration has become 15 times smaller.
+        vibrates : False for creep alone
         """
         before = self.coordinates
         times, slow = self.hold(field_mT, seconds)

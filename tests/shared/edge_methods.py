@@ -1,8 +1,4 @@
-"""Detect edges by published methods, which a benchmark compares with the edge search of this project.
-
-Each function takes a grey image, shape (height, width), and returns the n points of all edges that the method detects
-as x and y in px, shape (n, 2).
-"""
+"""Detect edges by published methods: from a grey image (height, width) to n points (x, y) in px, shape (n, 2)."""
 
 from __future__ import annotations
 
@@ -35,10 +31,7 @@ def marching_squares(image: NDArray[np.uint8]) -> Array:
 
 
 def devernay(image: NDArray[np.uint8]) -> Array:
-    """Return the points at which the gradient of the grey value is largest along its own direction.
-
-    A parabola through three pixels gives the position of each maximum between pixels (Devernay, INRIA RR-2724, 1995).
-    """
+    """Return the points of largest gradient along its direction, between pixels (Devernay, INRIA RR-2724, 1995)."""
     smooth: NDArray[Any] = gaussian_filter(image.astype(np.float32), _DEVERNAY_BLUR_PX)
     slope_y, slope_x = np.gradient(smooth)
     size = np.hypot(slope_x, slope_y)

@@ -1,8 +1,4 @@
-"""Emulate a GigE Vision camera in a separate process.
-
-Only one test on a computer can use the emulated camera at a time: GigE Vision prescribes the network port of a camera,
-so that one network address can serve only one camera.
-"""
+"""Emulate a GigE Vision camera in a separate process; only one test on a computer can use it at a time."""
 
 from __future__ import annotations
 
@@ -28,19 +24,13 @@ needs_aravis = pytest.mark.skipif(not aravis_is_installed(), reason=MISSING)
 
 @contextmanager
 def only_gige_camera() -> Iterator[None]:
-    """Lock the emulated GigE camera: wait until no other test on this computer uses it, and keep other tests out.
-
-    The lock ends with the context.
-    """
+    """Wait until no other test on this computer uses the emulated GigE camera, and lock it until the context ends."""
     with FileLock(Path(tempfile.gettempdir()) / "eimi-tests-gige.lock", timeout=PATIENCE_S):
         yield
 
 
 def numbered() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns a uniform picture at each call.
-
-    The grey value is 0 at the first call, increases by 1 at each call up to 249, and then begins again at 0.
-    """
+    """Return a function that returns uniform pictures with the grey values 0, 1, ... 249, 0, ...."""
     number = -1
 
     def picture() -> NDArray[np.uint8]:
@@ -52,7 +42,7 @@ def numbered() -> Callable[[], NDArray[np.uint8]]:
 
 
 def ramp() -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns the same picture at each call: its grey value is (column + 2 row) modulo 256."""
+    """Return a function that returns a picture with the grey values (column + 2 row) modulo 256."""
     columns, rows = np.meshgrid(np.arange(SIZE_PX[0]), np.arange(SIZE_PX[1]))
     picture = ((columns + 2 * rows) % 256).astype(np.uint8)
     return lambda: picture
@@ -64,14 +54,14 @@ def gige_camera(
 ) -> Iterator[CameraProcess]:
     """Run an emulated GigE camera on the loopback interface until the context ends; yield its process.
 
-    The caller must hold the lock `only_gige_camera`. `prepare` returns the function that renders each picture.
+    prepare : returns the function that renders each picture. The caller must hold the lock `only_gige_camera`.
     """
     with gige_process(prepare, size_px, address=LOOPBACK, **camera) as process:
         yield process
 
 
 class NoisyPictures:
-    """A function object that returns a new picture at each call: a dark vertical beam with camera noise."""
+    """A function that returns a new picture at each call: a dark vertical beam with camera noise."""
 
     def __init__(self) -> None:
         self._number = 0
@@ -83,10 +73,7 @@ class NoisyPictures:
 
 
 def noisy_picture(number: int) -> NDArray[np.uint8]:
-    """Return the picture of a dark vertical beam with noise, shape (height, width).
-
-    number: number of the exposure, counted from 1; it is the seed of the noise.
-    """
+    """Return a picture (height, width) of a dark vertical beam with noise; its seed is the exposure `number`."""
     across = np.abs(np.arange(SIZE_PX[0]) - SIZE_PX[0] // 2)
     profile = 30 + 170 / (1 + np.exp(-(across - 8) / 0.7))
     noise = np.random.default_rng(number).normal(0, 2, SIZE_PX[::-1])

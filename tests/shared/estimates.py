@@ -1,9 +1,4 @@
-"""The estimate of a fit that starts near its optimum, without the search and without a diagnosis of the residuals.
-
-The search, and the diagnosis of the probable causes of the residuals (such as a wrong width), take most of the time of
-a fit. A test of values and intervals does not need them: in a fit without doubts (warnings), they change neither the
-values nor the intervals.
-"""
+"""Fits that start near their optimum and do not diagnose their residuals, so that they are quick."""
 
 from __future__ import annotations
 
@@ -31,10 +26,7 @@ def refined(
     tensile: Sequence[TensileCurve] = (),
     priors: Sequence[Prior] = (),
 ) -> SearchEnd:
-    """Return the result of a fit of the law `model` whose search has found the modulus `start_Pa`.
-
-    The arguments are those of `eimi_fitting.identify`.
-    """
+    """Return the result of a fit that starts at the modulus `start_Pa`; arguments as in `eimi_fitting.identify`."""
     space = search_space(LAWS[model])
     unit = np.full(len(space.names), 0.5)
     unit[0] = np.log(start_Pa / space.lower[0]) / np.log(space.upper[0] / space.lower[0])

@@ -1,4 +1,4 @@
-"""Render films of a horizontal silicone strip that swings after a flick, with shutter and perspective of a phone."""
+"""Render films of a horizontal silicone strip that vibrates, with the shutter and the perspective of a phone."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ LEVEL = Calibration(
 
 @dataclass(frozen=True)
 class Flick:
-    """A silicone strip that vibrates in its first mode about its sagged shape, and the camera that films the strip.
+    """A silicone strip that vibrates in its first mode about its sagged shape, and the camera.
 
-    row_time_s: time between the readout of two rows of pixels (s). tilt: relative change of the scale from the left to
-    the right side of the picture, because the phone is not parallel to the strip. size: (width, height) of the film in
-    px.
+    row_time_s : time between the readout of two rows of pixels
+    tilt : relative change of the scale from the left to the right side of the picture
+    size : width and height of the film (px)
     """
 
     frequency_Hz: float = 6.0
@@ -59,13 +59,13 @@ class Flick:
         return np.arange(round(self.seconds * self.rate_Hz)) / self.rate_Hz
 
     def deflection_mm(self, time_s: Array) -> Array:
-        """Return the deflection (mm) of the tip from its sagged position at the times `time_s` (s); + is downward."""
+        """Return the downward deflection (mm) of the tip from its sagged position at the times `time_s`."""
         return self.amplitude_mm * np.exp(-self.decay_per_s * time_s) * np.cos(2 * np.pi * self.frequency_Hz * time_s)
 
     def centre_mm(self, along_mm: Array, time_s: float) -> Array:
-        """Return p points (x, y) of the centre line in mm, shape (p, 2), in the beam frame at one time.
+        """Return p points (x, y) of the centre line in mm, shape (p, 2), at one time.
 
-        along_mm: arc length of each point from the clamp (mm), shape (p,). time_s: the time (s).
+        along_mm : distance of each point from the clamp along the line, shape (p,)
         """
         grid = np.linspace(0.0, STRIP.specimen.length_mm, 400)
         tip = self.sag_mm + float(self.deflection_mm(np.array(time_s)))
@@ -75,7 +75,7 @@ class Flick:
         return np.column_stack([np.interp(along_mm, grid, places[:, axis]) for axis in range(2)])
 
     def to_px(self, points_mm: Array) -> Array:
-        """Return the pixels (x, y), shape (n, 2), at which the tilted phone shows n points of the beam frame in mm."""
+        """Return the pixels (x, y), shape (n, 2), of n points of the strip in mm."""
         points = BeamFrame(LEVEL).to_px(points_mm)
         middle = 0.5 * np.array(self.size)
         away = (points - middle) / self.size[0]
@@ -84,8 +84,7 @@ class Flick:
     def outline_px(self, first_row_s: float) -> Array:
         """Return the outline of the strip in one frame with a rolling shutter: n points (x, y) in px, shape (n, 2).
 
-        first_row_s: time (s) at which the first row is exposed. Each point of the outline is shown at the time at which
-        the camera reads the row of this point.
+        first_row_s : time at which the first row is exposed
         """
         readout_s = self.row_time_s * (self.size[1] - 1)
         if not readout_s:
@@ -111,7 +110,7 @@ class Flick:
         return self.to_px(np.vstack([[[-6.0, -1.5]], left, right[::-1], [[-6.0, 1.5]]]))
 
     def frames(self, seed: int = 0) -> Iterator[NDArray[np.uint8]]:
-        """Yield the frames of the film with noise, each of shape (height, width)."""
+        """Yield the frames with noise, shape (height, width)."""
         rng = np.random.default_rng(seed)
         clamp_px = self.to_px(np.array([[-6.0, -8.0], [0.0, -8.0], [0.0, 8.0], [-6.0, 8.0]]))
         within_s = self.exposure_s * (np.arange(6) / 6.0 - 5.0 / 12.0) if self.exposure_s else np.zeros(1)
@@ -123,10 +122,7 @@ class Flick:
             yield expose(replace(scenes[0], mean=mean), rng)
 
     def write(self, path: Path, seed: int = 0, quality: str = "FFV1") -> Path:
-        """Write the frames as a video file, and return `path`.
-
-        quality: the four-letter code of the video codec; FFV1 keeps every grey level.
-        """
+        """Write the film as a video file with the codec `quality` (FFV1 is lossless), and return `path`."""
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*quality), self.rate_Hz, self.size)
         for frame in self.frames(seed):
             writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))

@@ -1,7 +1,4 @@
-"""Render a picture for every flag, that is, for every warning that the edge search can attach to a picture.
-
-The flags NOT_SETTLED, DROPPED and DUPLICATE compare several frames of one state (one coil current).
-"""
+"""Render a picture for every flag, that is, for every warning that the edge search can give."""
 
 from __future__ import annotations
 
@@ -35,11 +32,10 @@ _DARK = 20
 
 @dataclass(frozen=True)
 class Case:
-    """An image, with the calibration and the specimen that a user gives for this image.
+    """An image with a user's calibration and specimen.
 
-    run_flags: flags (warnings) that a run raises when it compares the frames of a state; `image` is then the mean of
-    these frames.
-    calibration_age_days: age of the calibration in days, None if it is unknown.
+    run_flags : flags from the comparison of several frames, of which `image` is the mean
+    calibration_age_days : age of the calibration; None if unknown
     """
 
     image: Image
@@ -56,15 +52,12 @@ class Case:
 
 
 def photograph(optics: Optics = NOMINAL, beam: BentBeam = BEAM) -> Image:
-    """Return one rendered frame of `beam`, by default the beam of the benchmark of the edge search."""
+    """Return one rendered frame of `beam`."""
     return expose(make_bent_scene(optics, CALIBRATION, SPECIMEN, beam), np.random.default_rng(0))
 
 
 def twisted(tip_deg: float, root_deg: float = 0.0) -> BentBeam:
-    """Return the outline of the beam after an even twist about its own axis, which makes the beam look wider.
-
-    root_deg, tip_deg: angle of the twist at the clamp and at the tip in degrees.
-    """
+    """Return the outline of a beam that is evenly twisted, from `root_deg` at the clamp to `tip_deg` at the tip."""
     width, depth = SPECIMEN.specimen.width_mm, SPECIMEN.specimen.depth_mm
     turn = np.radians(np.linspace(root_deg, tip_deg, len(BEAM.left)))
     wider = ((np.cos(turn) + depth / width * np.sin(turn) - 1.0) / 2.0)[:, None] * (BEAM.right - BEAM.left)
@@ -102,9 +95,10 @@ def _round_tip() -> Case:
 
 
 def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
-    """Return a photograph of a coloured beam in front of cloth, without a back-light.
+    """Return a photograph of a coloured beam in front of cloth.
 
-    half_hidden: whether a plate covers the lower half of the beam. share: factor by which the picture is scaled.
+    half_hidden : whether a plate covers the lower half of the beam
+    share : scale of the picture
     """
     colours = np.array([[40.0, 60.0, 200.0], [150.0, 160.0, 90.0]])
     image = photographs.photograph("uneven light", np.random.default_rng(5), 25.0, colours).image
@@ -118,16 +112,13 @@ def _photographed(half_hidden: bool = False, share: float = 1.0) -> Case:
 
 
 def _on_its_shadow() -> Case:
-    """Return a photograph of a coloured beam close to a wall; the edge of its shadow is sharper than its own edge."""
+    """Return a photograph of a coloured beam close to a wall, with a sharp shadow."""
     image = photographs.photograph("own shadow", np.random.default_rng([11, 22])).image
     return Case(image, photographs.CALIBRATION, photographs.SPECIMEN)
 
 
 def _two_stripes() -> Case:
-    """Return a picture of two stripes side by side, each as wide as the beam.
-
-    The calibration places the midpoint of the clamp between the two stripes, so that either stripe may be the beam.
-    """
+    """Return a picture of two stripes as wide as the beam, with the clamp midpoint of the calibration between them."""
     colours = {"left": (40.0, 60.0, 200.0), "right": (200.0, 170.0, 40.0)}
     calibration = photographs.CALIBRATION.model_copy(update={"pixels_per_mm": 3.0, "clamp_midpoint_px": (100.0, 20.0)})
     image = np.full((160, 200, 3), 120.0)
@@ -142,10 +133,10 @@ def _believed(**beam: float) -> Case:
 
 
 def _state(angles_deg: Sequence[float], numbers: Sequence[int], copied: bool = False) -> Case:
-    """Return the mean of several frames of one state, and the flags (warnings) that their comparison raises.
+    """Return the mean of several frames at one current, and the flags (warnings) from their comparison.
 
-    angles_deg: tip angle of the beam in each frame (degrees). numbers: the frame numbers. copied: whether the last
-    frame is a copy of the frame before it.
+    angles_deg, numbers : tip angle and number of each frame
+    copied : whether the last frame is a copy
     """
     rng = np.random.default_rng(0)
     images = [
@@ -183,10 +174,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 def table() -> str:
-    """Return a Markdown table of all flags, the warnings about edges.
-
-    The columns are the measured quantity, its limit, the severity, and the contribution to the uncertainty.
-    """
+    """Return a Markdown table of all flags: measured quantity, limit, severity and contribution to the uncertainty."""
     rows = ["| flag | value | limit | severity | adds to σ at the limit |", "| --- | --- | --- | --- | --- |"]
     for check in CHECKS:
         below = "below " if check.below else ""

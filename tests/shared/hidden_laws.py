@@ -1,7 +1,4 @@
-"""Draw hyperelastic laws at random as sums of one to three terms, and simulate measurements of these laws.
-
-The terms come from the library from which a discovery (the search for an unknown law) chooses.
-"""
+"""Draw hyperelastic laws at random as sums of one to three terms, and simulate measurements of these laws."""
 
 from __future__ import annotations
 
@@ -35,10 +32,7 @@ PLANAR_MESH, SOLID_MESH = (70, 8), (26, 3, 1)
 
 @cache
 def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
-    """Return the beam model of a specimen that is shipped with the program.
-
-    kind: name of the specimen, for example "type1". solid: whether the model is three-dimensional instead of planar.
-    """
+    """Return the (planar or solid) beam model of an example specimen such as "type1"."""
     section: Section = "solid" if solid else "plane-stress"
     specimen = replace(load_specimen(kind).mechanics(), section=section)
     return SolidBeside(specimen, *SOLID_MESH) if solid else BeamModel(specimen, *PLANAR_MESH)
@@ -46,17 +40,16 @@ def beam(kind: str, solid: bool) -> BeamModel | SolidBeside:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A law that a discovery has to identify from its measurements: k terms and their coefficients (Pa), shape (k,)."""
+    """A random law: k terms and their coefficients (Pa), shape (k,)."""
 
     terms: tuple[Term, ...]
     coefficients: Array
 
     @staticmethod
     def drawn(rng: np.random.Generator, off: float = 1.0) -> Hidden:
-        """Return a random law: a sum of random terms with random coefficients and a random shear modulus.
+        """Return a random law with random terms, coefficients and shear modulus.
 
-        off: largest factor by which a constant Jm, b or alpha of a term differs from the constant in the library of
-        terms.
+        off : largest factor by which a constant Jm, b or alpha differs from the library of terms
         """
         while True:
             chosen = rng.choice(len(LIBRARY), rng.integers(1, MOST_TERMS + 1), replace=False)
@@ -78,17 +71,12 @@ class Hidden:
         return float(SumOfTerms(self.terms).initial_shear_modulus(self.coefficients))
 
     def curve(self, noise: float, rng: np.random.Generator) -> TensileCurve:
-        """Return a simulated tensile test of the law; noise: standard deviation as a share of the largest stress."""
+        """Return a simulated tensile test; `noise` is relative to the largest stress."""
         stress = engineering_stress(SumOfTerms(self.terms), self.coefficients, STRAIN)
         return TensileCurve(STRAIN, stress + rng.normal(0.0, noise * stress.max(), len(STRAIN)))
 
     def bent(self, solid: bool, rng: np.random.Generator) -> Experiment:
-        """Return the simulated edges of a bent beam with this law, as an experiment (beam model, loads and edges).
-
-        The beam is about 2 % stiffer or softer than the law, as if it came from another lot of the material than the
-        tensile test. solid: whether the beam model is a solid instead of planar. Raises NoEquilibrium if the beam has
-        no equilibrium.
-        """
+        """Return a simulated experiment with a beam of about this law; raise NoEquilibrium if it has none."""
         kind = f"type{rng.integers(1, 4)}"
         model, stiffness = beam(kind, solid), 1 + LOT * rng.normal()
         fields = np.linspace(0.0, FIELD_PER_PA * self.modulus_Pa, STATES)
@@ -102,10 +90,7 @@ class Hidden:
 
 
 def _elsewhere(term: Term, off: float, rng: np.random.Generator) -> Term:
-    """Return a term of a law with another constant than in the library of terms.
-
-    The constant (Jm, b or alpha) is multiplied by a random factor between 1 / `off` and `off`. Jm is only made larger.
-    """
+    """Return a term whose constant (Jm, b or alpha) is changed by a random factor of at most `off`."""
     shift = np.exp(rng.uniform(-1, 1) * np.log(off))
     if term.number is None:
         return term

@@ -1,8 +1,4 @@
-"""Paint difficulties into photographs of a bench, for example glare, a ruler, a second beam, a hand, or a hard shadow.
-
-Each painting function takes the scene and its picture, shape (height, width, 3), and returns the picture with the
-difficulty.
-"""
+"""Paint difficulties, such as glare or a hand, into pictures of a bench, shape (height, width, 3)."""
 
 from __future__ import annotations
 
@@ -24,11 +20,12 @@ Hook = Callable[[Scene, Array], Array]
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of photograph: the functions that paint its difficulty into the picture, and the size of picture and beam.
+    """A kind of photograph: the functions that paint its difficulty, and its sizes.
 
-    Most kinds have one function. `behind` paints behind the beam, `front` in front of it, `light` changes the surface
-    of the beam, and `camera` changes the whole picture. size: size of the picture relative to 960 x 720 px.
-    magnification: width of the beam relative to 42 px. beam: whether the picture shows a beam.
+    behind, front, light, camera : paint behind the beam, before it, on its surface, on the whole picture
+    size : size of the picture relative to 960 x 720 px
+    magnification : width of the beam relative to 42 px
+    beam : whether the picture shows a beam
     """
 
     behind: Hook | None = None
@@ -97,7 +94,7 @@ def _two_lamps(scene: Scene, picture: Array) -> Array:
 
 
 def _leaning(scene: Scene, picture: Array) -> Array:
-    """Paint the shadow of a beam that leans away from a wall: its distance from the wall grows toward the tip."""
+    """Paint the shadow of a beam whose distance from a wall grows toward the tip."""
     away = scene.width_px * scene.rng.uniform(0.2, 0.6) * scene.rng.choice([-1.0, 1.0])
     left, right = np.array_split(scene.outline(), 2)
     far = np.linspace(0.0, away, len(left))[:, None] * np.array([1.0, 0.1])
@@ -107,7 +104,7 @@ def _leaning(scene: Scene, picture: Array) -> Array:
 
 
 def _ruler_touching(scene: Scene, picture: Array) -> Array:
-    """Paint a ruler that touches the beam, so that an edge of the beam runs along the ruler or crosses the ruler."""
+    """Paint a ruler that touches the beam."""
     side = scene.rng.choice([-1.0, 1.0])
     scene.paint(picture, scene.box((0.3, 12.0), (0.45 * side, 2.0 * side)), np.full(3, 225.0))
     for tick in np.arange(0.5, 12.0, 0.5):
@@ -136,7 +133,7 @@ def _glare(scene: Scene, picture: Array) -> Array:
 
 
 def _glare_at_edge(scene: Scene, picture: Array) -> Array:
-    """Paint the reflection of a lamp on one edge of the beam, along a third of its length."""
+    """Paint the reflection of a lamp on one edge of the beam."""
     at, begin = scene.rng.choice([-0.45, 0.45]), scene.rng.uniform(0.1, 0.6)
     shine = coverage(scene.outline((begin, begin + 0.33), (at - 0.06, at + 0.06)), scene.size).astype(np.float32)
     return np.asarray(picture + 220.0 * cv2.GaussianBlur(shine, (0, 0), 0.04 * scene.width_px)[..., None])
@@ -151,7 +148,7 @@ def _markers(scene: Scene, picture: Array) -> Array:
 
 
 def _bands(scene: Scene, picture: Array) -> Array:
-    """Paint bands of tape around the beam over its whole width."""
+    """Paint tape around the beam."""
     colour = scene.other_colour()
     for place in scene.rng.uniform(0.1, 0.9, 3):
         scene.paint(picture, scene.outline((place, place + 0.04)), colour)
@@ -171,7 +168,7 @@ def _two_faces(scene: Scene, picture: Array) -> Array:
 
 
 def _round(scene: Scene, picture: Array) -> Array:
-    """Shade the beam as a round cord, which is darker toward both edges."""
+    """Shade the beam as a round cord."""
     for depth in np.linspace(0.5, 0.35, 8):
         for side in (-1.0, 1.0):
             scene.paint(picture, scene.outline(across=(side * depth, side * (depth - 0.02))), 0.0, (depth - 0.3) * 2.0)
@@ -179,10 +176,7 @@ def _round(scene: Scene, picture: Array) -> Array:
 
 
 def _fading(scene: Scene, picture: Array) -> Array:
-    """Darken the beam with the distance from the clamp, as with a lamp at the clamp.
-
-    The beam loses half of its light at the distance of the farthest corner of the picture.
-    """
+    """Darken the beam with the distance from the clamp, as with a lamp at the clamp."""
     inside = coverage(scene.outline(), scene.size)[..., None]
     x, y = np.meshgrid(*(np.arange(extent, dtype=np.float64) for extent in scene.size))
     away = np.hypot(x - scene.calibration.clamp_midpoint_px[0], y - scene.calibration.clamp_midpoint_px[1])
@@ -190,7 +184,7 @@ def _fading(scene: Scene, picture: Array) -> Array:
 
 
 def _clear(scene: Scene, picture: Array) -> Array:
-    """Make the beam transparent: half of the background shines through, and the edges of the beam are darker."""
+    """Make the beam transparent, with darker edges."""
     rest = cloth(scene)
     inside = coverage(scene.outline(), scene.size)[..., None]
     picture += 0.5 * inside * (rest - picture)
@@ -200,7 +194,7 @@ def _clear(scene: Scene, picture: Array) -> Array:
 
 
 def _hand(scene: Scene, picture: Array) -> Array:
-    """Paint fingers across the beam, which cover about a sixth of its length."""
+    """Paint fingers across a sixth of the beam."""
     share = scene.rng.uniform(0.2, 0.8)
     middle = scene.outline((share, share + 0.02)).mean(axis=0)
     turn = scene.rng.uniform(0.0, 2.0 * np.pi)
@@ -263,7 +257,7 @@ def _jpeg_40(scene: Scene, picture: Array) -> Array:
 
 
 def _cut_off(scene: Scene, picture: Array) -> Array:
-    """Blacken the picture below the tip of the beam, as in a video with black bars."""
+    """Blacken the picture below the tip of the beam."""
     tip = scene.outline((0.97, 1.0)).mean(axis=0)
     picture[int(tip[1]) :] = 0.0
     return picture

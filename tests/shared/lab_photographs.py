@@ -26,10 +26,7 @@ _QUALITY = 85
 
 
 def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
-    """Return a rendered photograph, shape (height, width, 3), uint8, and the scene that the photograph shows.
-
-    name: the difficulty, a key of `KINDS`.
-    """
+    """Return a photograph, shape (height, width, 3), uint8, with the difficulty `name`, and its scene."""
     kind = KINDS[name]
     size = (round(960 * kind.size), round(720 * kind.size))
     share = kind.magnification / kind.size
@@ -57,11 +54,7 @@ def lab_photograph(name: str, rng: np.random.Generator) -> tuple[Image, Scene]:
 
 
 def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-    """Return the calibration and the specimen file of a user who estimates by eye and with a ruler.
-
-    The midpoint of the clamp, the angle of the axis, the width and the length differ from the true values by random
-    errors.
-    """
+    """Return the calibration and the specimen file of a user who estimates by eye and with a ruler."""
     beam = scene.specimen.specimen
     aside = rng.uniform(-0.08, 0.08, 2) * scene.width_px
     changes = {
@@ -74,17 +67,12 @@ def stated(scene: Scene, rng: np.random.Generator) -> tuple[Calibration, Specime
 
 
 def verdict(name: str, scene: Scene, edges: EdgeSet, calibration: Calibration) -> tuple[str, float]:
-    """Return whether detected edges are right or wrong, and whether a flag (warning) says so.
+    """Return a verdict on detected edges, and their RMS error divided by the width of the beam (NaN without edges).
 
-    The verdicts are:
-
-    refused  no edges, or a flag of the severity "unusable"
-    good     the error is at most the limit `WRONG` of this module
+    refused  no edges, or a flag (warning) of the severity "unusable"
+    good     an error of at most `WRONG`
     doubted  a larger error, and a flag of the severity "doubtful"
     silent   a larger error without such a flag
-
-    The error is the root mean square of the errors of all edge points, divided by the width of the beam. In a picture
-    without a beam, all edges are wrong. The error is NaN for such a picture and for refused edges.
     """
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:

@@ -24,8 +24,10 @@ _APART = 70.0  # smallest distance of two colours that an eye distinguishes clea
 class Scene:
     """A bench with a beam, from which a picture is rendered.
 
-    size: (width, height) of the picture in px. beam: the true outline of the beam. calibration, specimen: the true
-    values. own, behind: colour of the beam and of the background (blue, green, red, from 0 to 255).
+    size : width and height of the picture (px)
+    beam : true outline
+    calibration, specimen : true values
+    own, behind : colours (blue, green, red, 0 to 255) of beam and background
     """
 
     rng: np.random.Generator
@@ -41,10 +43,10 @@ class Scene:
         return self.specimen.specimen.width_mm * self.calibration.pixels_per_mm
 
     def outline(self, along: tuple[float, float] = (0.0, 1.0), across: tuple[float, float] = (-0.5, 0.5)) -> Array:
-        """Return the outline of a part of the beam: n points as x and y in px, shape (n, 2).
+        """Return the outline of a part of the beam: n points (x, y) in px, shape (n, 2).
 
-        along: start and end of the part as shares of the length, 0 at the clamp. across: positions of both sides of the
-        part, in widths of the beam from the centre line.
+        along : start and end as shares of the length, 0 at the clamp
+        across : both sides, in widths of the beam from the centre line
         """
         count = len(self.beam.left)
         first, last = (int(np.clip(round(share * (count - 1)), 0, count - 1)) for share in along)
@@ -55,26 +57,25 @@ class Scene:
     def paint(self, picture: Array, polygon: Array, colour: Array | float, share: float = 1.0) -> None:
         """Fill a polygon of n corners (x, y) in px, shape (n, 2), with one colour; change `picture` in place.
 
-        share: opacity of the colour, from 0 to 1.
+        share : opacity, from 0 to 1
         """
         picture += share * coverage(polygon, self.size)[..., None] * (np.asarray(colour) - picture)
 
     def box(self, ahead: tuple[float, float], aside: tuple[float, float]) -> Array:
-        """Return the four corners of a rectangle at the clamp as x and y in px, shape (4, 2).
+        """Return the four corners (x, y) of a rectangle at the clamp in px, shape (4, 2).
 
-        ahead: smallest and largest distance from the clamp along the axis of the beam. aside: smallest and largest
-        distance from this axis. All distances are in widths of the beam.
+        ahead, aside : smallest and largest distance along and across the axis, in widths of the beam
         """
         corners = [[a, b] for a, b in zip((*ahead, *ahead[::-1]), np.repeat(aside, 2), strict=True)]
         return BeamFrame(self.calibration).to_px(self.specimen.specimen.width_mm * np.array(corners))
 
     def other_colour(self) -> Array:
-        """Return a random colour that differs clearly from the colours of the beam and of the background."""
+        """Return a random colour that differs clearly from beam and background."""
         return another_colour(self.rng, self.own, self.behind)
 
 
 def another_colour(rng: np.random.Generator, *others: Array) -> Array:
-    """Return a random colour (blue, green, red) that differs clearly from each of the colours `others`."""
+    """Return a random colour (blue, green, red) that differs clearly from the colours `others`."""
     while True:
         colour = rng.uniform(25.0, 235.0, 3)
         if all(np.linalg.norm(colour - other) > _APART for other in others):
@@ -82,7 +83,7 @@ def another_colour(rng: np.random.Generator, *others: Array) -> Array:
 
 
 def cloth(scene: Scene) -> Array:
-    """Return the background of a scene, shape (height, width, 3): cloth of one colour in uneven light, with grain."""
+    """Return a picture of cloth in uneven light, shape (height, width, 3)."""
     rng = np.random.default_rng(int(1e3 * scene.behind.sum()))  # a scene always gets the same cloth
     lumps = rng.uniform(-10.0, 10.0, (6, 8, 3)).astype(np.float32)
     grain = rng.standard_normal((scene.size[1], scene.size[0])).astype(np.float32)

@@ -1,11 +1,4 @@
-"""Change the data of an MP4 file about its frames: their times, the rate of the recording, and the orientation.
-
-An MP4 file consists of nested boxes (ISO/IEC 14496-12). The box `moov` / `trak` / `mdia` / `minf` / `stbl` / `stts`
-contains the duration of every frame; the box `tkhd` contains the matrix by which a viewer rotates the frames. For slow
-motion, Android's camera stores the rate of the recording under the key `com.android.capture.fps` of `moov` / `meta`
-(android.media.MediaRecorder.setCaptureRate). OpenCV writes `moov` at the end of a file, so that the size of this box
-may change.
-"""
+"""Change the data of an MP4 file about its frames: times, rate of the recording and orientation (ISO/IEC 14496-12)."""
 
 from __future__ import annotations
 
@@ -18,9 +11,9 @@ _TURNS = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 
 
 
 def state_times(path: Path, times_s: Sequence[float]) -> None:
-    """Write the time (s) of every frame into a video file that OpenCV has written.
+    """Write the time (s) of every frame into a video file from OpenCV.
 
-    times_s: increasing times, one for each frame; the first is 0.
+    times_s : increasing, the first is 0
     """
     content = path.read_bytes()
     mdhd = content.index(b"mdhd")
@@ -59,10 +52,7 @@ def state_capture_rate(path: Path, rate_Hz: float) -> None:
 
 
 def state_turn(path: Path, turn_deg: int) -> None:
-    """Write into a video file the clockwise angle by which a viewer has to rotate the frames.
-
-    turn_deg: 0, 90, 180 or 270 degrees.
-    """
+    """Write the clockwise angle of the display (0, 90, 180 or 270 degrees) into a video file."""
     a, b, c, d = (value * 0x10000 for value in _TURNS[turn_deg])
     matrix = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 0x40000000)
 
@@ -73,10 +63,9 @@ def state_turn(path: Path, turn_deg: int) -> None:
 
 
 def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable[[bytes], bytes]) -> None:
-    """Replace the content of a box in an MP4 file, and correct the sizes of the boxes that contain this box.
+    """Replace the content of the box `name` by `change(content)`.
 
-    parents: the names of the boxes around the box `name`, from the outside inward. change: function from the old
-    content to the new content.
+    parents : names of the boxes that contain this box, outermost first
     """
     content = bytearray(path.read_bytes())
     begin, end, starts = 0, len(content), []
@@ -94,10 +83,7 @@ def _rewrite(path: Path, parents: Sequence[bytes], name: bytes, change: Callable
 
 
 def _find(content: bytes | bytearray, begin: int, end: int, name: bytes) -> int:
-    """Return the position in bytes at which the box `name` begins; it is searched between `begin` and `end`.
-
-    Raise ValueError if there is no such box.
-    """
+    """Return the position in bytes of the box `name` between `begin` and `end`; raise ValueError without it."""
     at = begin
     while at + 8 <= end:
         size, kind = struct.unpack_from(">I4s", content, at)

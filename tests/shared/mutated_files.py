@@ -1,8 +1,4 @@
-"""Change datasets, images, and TOML, JSON, CSV and C3D files at random, and read them.
-
-Each file must be read completely or refused with an error of one line. One process reads many files; if this process
-dies, or takes more than 10 s of processor time for a file, the file counts as a failure and a new process takes over.
-"""
+"""Change datasets, images and other files at random; each must be read or refused with an error of one line."""
 
 from __future__ import annotations
 
@@ -61,7 +57,7 @@ READERS = {
 
 
 def sources(folder: Path) -> list[Path]:
-    """Write valid files of every kind into a folder; return their paths. The test changes these files at random."""
+    """Write valid files of every kind into a folder, and return their paths."""
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), load_protocol("dragon_skin_10"))
     random = np.random.default_rng(0)
     with DatasetWriter(folder / "finished.h5", header, Frame(np.zeros((24, 32), np.uint8), 0, 0.0)) as writer:
@@ -100,10 +96,7 @@ def _tables_and_pictures(folder: Path) -> list[Path]:
 
 
 def _motion_capture(folder: Path) -> list[Path]:
-    """Write a C3D file with the positions of four markers in three frames; return its path in a list.
-
-    The list is empty if the package that writes C3D files is not installed.
-    """
+    """Write a C3D file with four markers; return its path in a list, which is empty without the package for C3D."""
     if find_spec("ezc3d") is None:
         return []
     import ezc3d
@@ -140,10 +133,7 @@ def mutated(raw: bytes, random: np.random.Generator) -> bytes:
 
 
 def recovered(path: Path) -> str:
-    """Recover a dataset as `eimi recover` does; return "read", "refused" or "refused in several lines".
-
-    An error other than a refusal is raised.
-    """
+    """Recover a dataset; return "read", "refused" or "refused in several lines" (of an error)."""
     try:
         copy_readable(path, path.with_name("copy.h5"))
     except InputError as error:
@@ -155,10 +145,7 @@ def recovered(path: Path) -> str:
 
 
 def read(path: Path) -> str:
-    """Read a file completely; return "read", "refused" or "refused in several lines".
-
-    The name of the file selects the reader. An error other than a refusal is raised.
-    """
+    """Read a file completely; return "read", "refused" or "refused in several lines" (of an error)."""
     try:
         match next(kind for ending, kind in READERS.items() if path.name.endswith(ending)):
             case "dataset":
@@ -197,9 +184,9 @@ def read(path: Path) -> str:
 
 
 def serve(pipe: Connection, recover: bool) -> None:
-    """Read each file whose path arrives in the pipe, and send back the outcome and the words that were printed.
+    """Read (or recover) each file whose path arrives in the pipe, and send back outcome and printed words.
 
-    recover: whether each file is recovered instead of read. The function ends when None arrives.
+    None in the pipe ends the function.
     """
     if recover:
         limit_memory(MEMORY_BYTES)
@@ -221,10 +208,7 @@ def serve(pipe: Connection, recover: bool) -> None:
 
 
 def read_guarded(path: Path) -> str:
-    """Read a C3D file in a separate process, as the program does. Return "read" or "refused".
-
-    The result is "refused in several lines" if the error has several lines.
-    """
+    """Read a C3D file in another process; return "read", "refused" or "refused in several lines" (of an error)."""
     try:
         read_c3d(path)
     except InputError as error:
@@ -233,10 +217,7 @@ def read_guarded(path: Path) -> str:
 
 
 def fuzz(files: int, seed: int, recover: bool = False) -> collections.Counter[str]:
-    """Change `files` valid files at random, and read or recover each of them; return the number of files by outcome.
-
-    The outcomes "read" and "refused" are correct; each other outcome is printed with the name of its file.
-    """
+    """Change `files` valid files at random, read or recover them, and return the number of files by outcome."""
     counts: collections.Counter[str] = collections.Counter()
     random = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as name:

@@ -1,4 +1,4 @@
-"""Change other people's photographs as a camera, a lamp or a program for pictures may change a picture."""
+"""Change photographs as a camera, a lamp or a picture program may change them."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def _noisy(deviation: float) -> Change:
 
 
 def _lit_from(direction: tuple[float, float]) -> Change:
-    """Return a change of a picture: a light that increases from one side (factor 0.5) to the other (factor 1.3).
+    """Return a change of a picture: light that increases from one side (0.5) to the other (1.3).
 
-    direction: unit vector from the dark to the bright side, its components to the right and down in the picture.
+    direction : unit vector (right, down) toward the bright side
     """
 
     def change(image: Image) -> Image:
@@ -108,11 +108,7 @@ CHANGES: dict[str, Change] = {
 
 
 def perturbed(picture: Picture, name: str) -> Picture:
-    """Return a picture after the change `name` (a key of `CHANGES`), with the calibration of the changed picture.
-
-    A change of the scale or a mirror does not change the coordinates of an edge in mm. The edges that are found in the
-    changed picture can therefore be compared with the traced edges of the original picture.
-    """
+    """Return a picture after the change `name` (a key of `CHANGES`), with the calibration of the changed picture."""
     image = CHANGES[name](picture.image)
     x, y = picture.calibration.clamp_midpoint_px
     changes: dict[str, object] = {}

@@ -1,11 +1,4 @@
-"""Simulate videos that a phone records of a horizontal silicone strip after a flick; the law of the strip is known.
-
-The strip is a neo-Hookean solid with a Prony series. After a finger has pushed its tip down and released it, the strip
-vibrates in its first two modes about its sag at rest; the mesh of the strip is finer than the mesh of a fit. The camera
-is the camera of `tests.shared.phone_photographs`, with perspective, distortion, and tilt about all three axes. In
-addition, the rows of a frame are read one after another, the exposure blurs each frame, and the video file has the
-losses of compression.
-"""
+"""Simulate phone videos of a vibrating silicone strip with a known viscoelastic law."""
 
 from __future__ import annotations
 
@@ -51,23 +44,22 @@ _PUSH_S, _STAY_S = 0.20, 0.25  # duration of the push, and time for which the fi
 
 @dataclass(frozen=True)
 class HiddenStrip:
-    """A silicone strip with its viscoelastic (Prony) law, and its small vibrations about the shape at rest.
+    """A silicone strip with its viscoelastic law, and its small vibrations about the shape at rest.
 
     Attributes
     ----------
     specimen : Specimen
-        The true dimensions.
+        True dimensions.
     instantaneous_Pa : float
         Instantaneous shear modulus.
     series : Prony
         The Prony series of the material.
     rest_rad : ndarray, shape (_STATIONS,)
-        Direction of the centre line at rest, at equally spaced places along the strip.
+        Direction of the centre line at rest.
     first_rad, second_rad : ndarray, shape (_STATIONS,)
-        Change of this direction (rad) in the first and the second mode for each mm of deflection at the tip.
+        Change of this direction in the first and second mode, for each mm of deflection at the tip.
     rates : tuple of complex
-        Complex rates (1/s) of the first and the second mode. The real part is the negative decay rate, and the
-        imaginary part is the angular frequency.
+        Minus the decay rate plus i times the angular frequency (1/s) of both modes.
     """
 
     specimen: Specimen
@@ -94,7 +86,7 @@ class HiddenStrip:
 
 @dataclass(frozen=True)
 class PhoneFilm:
-    """A video that a phone records of a vibrating silicone strip.
+    """A phone video of a vibrating silicone strip.
 
     Attributes
     ----------
@@ -105,31 +97,31 @@ class PhoneFilm:
     rate_Hz : float
         Frame rate.
     seconds : float
-        Duration of the video.
+        Duration.
     flicks_mm : tuple of float
         Amplitude of each flick at the tip.
     released_s : tuple of float
-        Time at which the finger releases the tip, for each flick.
+        Time of each release of the tip.
     exposure_s : float
         Exposure of each frame.
     row_time_s : float
         Time between the exposures of neighbouring rows of pixels.
     shake_px : float
-        Standard deviation of the motion of the picture, because the phone is held by hand.
+        Standard deviation of the motion of the phone.
     drift_px : float
-        Downward motion of the picture from the first to the last frame, because the phone slides.
+        Downward motion of the picture during the video.
     lost : float
-        Share of the frames that the phone does not store.
+        Share of lost frames.
     played_Hz : float or None
-        Frame rate at which a viewer plays a video in slow motion; None without slow motion.
+        Frame rate of a slow-motion display; None without slow motion.
     is_stated : bool
-        Whether the file of a video in slow motion contains the true frame rate.
+        Whether a slow-motion file contains the true frame rate.
     turn_deg : int
-        Clockwise angle by which a viewer rotates the frames: 0, 90, 180 or 270.
+        Clockwise rotation of the display: 0, 90, 180 or 270.
     finger : bool
         Whether the finger is drawn.
     quality : int
-        JPEG quality (0 to 100) of the frames before the video is compressed.
+        JPEG quality (0 to 100) before compression.
     """
 
     scene: PhoneScene
@@ -163,7 +155,7 @@ class PhoneFilm:
         return np.linspace(0.0, self.strip.specimen.length_mm, _STATIONS)
 
     def deflections_mm(self, time_s: float) -> tuple[float, float]:
-        """Return the deflections (mm) of the tip in the first and second mode at `time_s` (s), positive downward."""
+        """Return the downward deflections (mm) of the tip in the first and second mode at one time."""
         first = second = 0.0
         for size, released_s in zip(self.flicks_mm, self.released_s, strict=True):
             since = time_s - released_s
@@ -179,7 +171,7 @@ class PhoneFilm:
         return first, second
 
     def body(self, time_s: float) -> BentBody:
-        """Return the surface of the strip at `time_s` (s) in the world frame, whose axes point right, down and away."""
+        """Return the surface of the strip at one time in the world frame (right, down, away)."""
         first, second = self.deflections_mm(time_s)
         slope = self.strip.rest_rad + first * self.strip.first_rad + second * self.strip.second_rad
         step = self._along_mm[1]
@@ -193,14 +185,14 @@ class PhoneFilm:
 
     @property
     def at_rest(self) -> BentBody:
-        """The surface of the strip in the world frame long after the last flick."""
+        """The surface of the strip in the world frame at rest."""
         return self.body(1e6)
 
     def seen(self, first_row_s: float) -> list[Array]:
-        """Return the polygons that show the strip in one frame; each has n corners as x and y in px, shape (n, 2).
+        """Return the polygons of the strip in one frame, with n corners (x, y) in px, shape (n, 2).
 
-        first_row_s: time (s) of the first row. Each corner is shown at the time at which the camera reads the row of
-        this corner. The first polygon is the near face of the strip.
+        The first polygon is the near face.
+        first_row_s : time of the first row
         """
         begin = self.scene.to_px(self.body(first_row_s).around)
         rows = np.array([begin[..., 1].min() - 80, begin[..., 1].max() + 80])
@@ -213,10 +205,7 @@ class PhoneFilm:
 
     @cached_property
     def _behind(self) -> tuple[NDArray[np.float32], Array, NDArray[np.float32]]:
-        """The picture without the strip, the colour of the strip, and the mask of the near face of the clamp.
-
-        The near face of the clamp hides a part of the strip.
-        """
+        """The picture without the strip, the colour of the strip, and the mask of the near face of the clamp."""
         rng = np.random.default_rng([self.scene.seed, 7])
         behind, beam = colours(rng)
         picture = wall(self.scene, behind, rng)
@@ -263,10 +252,9 @@ class PhoneFilm:
             yield np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
 
     def _changed_part(self, drawn: list[list[Array]], time_s: float) -> tuple[slice, slice]:
-        """Return the part of the picture that must be drawn anew for a frame, as slices of rows and columns.
+        """Return the part of the picture to draw anew for a frame, as slices of rows and columns.
 
-        The part contains the strip at all times of the exposure, or is the whole picture if the finger is drawn. drawn:
-        the polygons of the strip at several times of the exposure.
+        drawn : polygons of the strip at several times of the exposure
         """
         if self._shows_finger(time_s):
             return slice(0, self.scene.size[1]), slice(0, self.scene.size[0])
@@ -280,7 +268,7 @@ class PhoneFilm:
         return self.finger and any(-_PUSH_S - 0.3 < time_s - released_s < _STAY_S for released_s in self.released_s)
 
     def _point(self, picture: NDArray[np.float32], time_s: float) -> None:
-        """Draw the finger above the tip, which pushes the tip down and then goes away; change `picture` in place."""
+        """Draw the finger that pushes the tip down and then goes away; change `picture` in place."""
         for released_s in self.released_s:
             since = time_s - released_s
             if not -_PUSH_S - 0.3 < since < _STAY_S:
@@ -294,7 +282,7 @@ class PhoneFilm:
             paint(picture, [self.scene.to_px(np.column_stack([end[:2] + finger, np.full(6, end[2])]))], _SKIN)
 
     def _shakes_px(self) -> Array:
-        """Return the motion of n frames, shape (n, 3): shifts along x and y in px, and a rotation in degrees."""
+        """Return the motion of n frames, shape (n, 3): x and y in px, and a rotation in degrees."""
         rng, time = np.random.default_rng([self.seed, 4]), self.times_s
         motion = np.zeros((len(time), 3))
         for axis in range(3):
@@ -307,7 +295,7 @@ class PhoneFilm:
         return motion
 
     def write(self, path: Path) -> Path:
-        """Write the video as MP4 (MPEG-4 part 2) with the time of every frame; return `path`."""
+        """Write the video as MP4 with the time of every frame; return `path`."""
         size = self.scene.size if self.turn_deg % 180 == 0 else self.scene.size[::-1]
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), self.rate_Hz, size)
         back = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
@@ -324,10 +312,7 @@ class PhoneFilm:
 
 
 def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axis_deg: float = 0.0) -> HiddenStrip:
-    """Return a strip with a known law, whose clamped end points downward from the horizontal by `axis_deg` degrees.
-
-    The sag at rest is computed with the modulus that the material reaches after one minute.
-    """
+    """Return a strip of a known material, whose clamped end points `axis_deg` degrees below the horizontal."""
     law, model = LAWS["neo-hookean"], SolidBeside(specimen, *MESH)
     at_rest_Pa = instantaneous_Pa * float(series.ratio(60.0))
     parameters = np.array([[at_rest_Pa]])
@@ -360,7 +345,7 @@ def hidden_strip(specimen: Specimen, instantaneous_Pa: float, series: Prony, axi
 def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
     """Choose a video at random: a strip that sags by 3 to 9 % of its length, and a phone at 120 or 240 Hz on a support.
 
-    share: factor by which the frames (1280 x 720 px) are scaled.
+    share : scale of the frames (1280 x 720 px)
     """
     size = (round(SIZE[0] * share), round(SIZE[1] * share))
     rng = np.random.default_rng([seed, 31])
@@ -409,7 +394,7 @@ def drawn_film(seed: int, share: float = 1.0) -> PhoneFilm:
 
 
 def typed_sizes(film: PhoneFilm, rng: np.random.Generator) -> dict[str, float]:
-    """Return the dimensions and the density that a user measures and types, with random errors, by key."""
+    """Return dimensions and density that a user measures, with random errors, by key."""
     beam = film.strip.specimen
     sigma = SIGMAS
     return {
@@ -425,7 +410,7 @@ SIGMAS = {"length_mm": 0.15, "width_mm": 0.03, "depth_mm": 0.05, "density_kg_m3"
 
 
 def clicked_line(film: PhoneFilm, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
-    """Return three pixels (x, y) that a user clicks on the centre line at rest: at clamp, middle and tip."""
+    """Return three pixels (x, y) that a user clicks on the centre line at rest: clamp, middle and tip."""
     near = film.at_rest.around[0]
     lower, upper = near[:_STATIONS], near[_STATIONS:][::-1]
     middle = film.scene.to_px(0.5 * (lower + upper))

@@ -1,10 +1,4 @@
-"""Simulate photographs that a phone takes of a horizontal beam with weights; the modulus of the beam is known.
-
-The beam is a solid with a mesh that is finer than the mesh of a fit in all directions. Each point of the solid is
-projected through a pinhole camera that is tilted about all three axes and has some distortion. The values that a person
-measures and types have usual errors: the caliper and the clicks are inexact, the ruler is not in the plane of the beam,
-the clamp is not quite horizontal, and the focal length in the Exif data is rounded and wrong by some per cent.
-"""
+"""Simulate phone photographs of a horizontal beam with weights, and a person's values with the usual errors."""
 
 from __future__ import annotations
 
@@ -38,34 +32,34 @@ _DISTANT = 90.0  # smallest distance of the colours of beam and wall
 
 @dataclass(frozen=True)
 class PhoneScene:
-    """The true properties of a set of photographs, which the person who evaluates the photographs does not know.
+    """The true properties of a set of photographs. The world frame points right, down and away from the clamp.
 
     Attributes
     ----------
     modulus_Pa : float
         Initial shear modulus of the neo-Hookean solid.
     specimen : Specimen
-        The true dimensions.
+        True dimensions.
     grams : tuple of float
-        The exact weights (g), one for each photograph.
+        Weight in each photograph.
     size : tuple of int
         Width and height of the photographs (px).
     focal_px : float
-        The true focal length.
+        True focal length.
     stated_focal_mm : int
-        The focal length in the Exif data, converted to 35 mm film.
+        Focal length in the Exif data, for 35 mm film.
     camera_mm : ndarray, shape (3,)
-        Position of the pupil (mm) from the clamp: right, down and away. The third number is negative.
+        Position of the pupil in the world frame.
     turned : ndarray, shape (3, 3)
         Rotation from the world frame to the camera frame.
     distortion : float
         First radial coefficient of the lens distortion.
     clamp_deg : float
-        Angle between the clamped end of the beam and the horizontal (degrees); down is positive.
+        Downward angle of the clamped end.
     ruler_deg, ruler_z_mm : float
-        Angle between the ruler and the horizontal, and distance of the ruler from the middle plane of the beam.
+        Angle of the ruler to the horizontal, and its distance from the middle plane of the beam.
     seed : int
-        Seed of the colours and of the noise.
+        Seed of colours and noise.
     """
 
     modulus_Pa: float
@@ -83,17 +77,14 @@ class PhoneScene:
     seed: int
 
     def to_px(self, places_mm: Array) -> Array:
-        """Project points of the world frame in mm (right, down, away), shape (..., 3), to pixels, shape (..., 2)."""
+        """Project points of the world frame in mm, shape (..., 3), to pixels, shape (..., 2)."""
         in_camera = (places_mm - self.camera_mm) @ self.turned.T
         plane = in_camera[..., :2] / in_camera[..., 2:]
         plane = plane * (1.0 + self.distortion * (plane**2).sum(axis=-1, keepdims=True))
         return np.asarray(self.focal_px * plane + (np.array(self.size) - 1.0) / 2.0)
 
     def in_world(self, places_mm: Array) -> Array:
-        """Convert points in mm, shape (..., 3), from the beam frame (y down) to the world frame.
-
-        The two frames differ by the angle of the clamp.
-        """
+        """Convert points in mm, shape (..., 3), from the beam frame (y down) to the world frame."""
         angle = np.radians(self.clamp_deg)
         c, s = np.cos(angle), np.sin(angle)
         return places_mm @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -101,7 +92,7 @@ class PhoneScene:
     def ruler(self, at_mm: Array) -> Array:
         """Return n points on the edge of the ruler in the world frame in mm, shape (n, 3).
 
-        at_mm: distance of each point from the first tick (mm), shape (n,).
+        at_mm : distance of each point from the first tick, shape (n,)
         """
         angle, start = np.radians(self.ruler_deg), np.array([2.0, -0.55 * self.specimen.length_mm])
         line = start + np.asarray(at_mm)[:, None] * np.array([np.cos(angle), np.sin(angle)])
@@ -109,9 +100,9 @@ class PhoneScene:
 
 
 def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
-    """Choose a random scene in which the ticks of the ruler that a person clicks are inside the photographs.
+    """Choose a random scene in which the ticks of the ruler are inside the photographs.
 
-    share: the factor by which the photographs (4032 x 3024 px) are scaled.
+    share : scale of the photographs (4032 x 3024 px)
     """
     rng = np.random.default_rng([seed, 32])
     length, width, depth = rng.uniform(30, 50), rng.uniform(3.0, 4.5), rng.uniform(4.0, 9.0)
@@ -148,17 +139,16 @@ def drawn_scene(seed: int, share: float = 1.0) -> PhoneScene:
 
 
 def _shows_ticks(scene: PhoneScene) -> bool:
-    """Return whether the two ticks of the ruler that a person clicks are inside the photographs."""
+    """Return whether the two clicked ticks of the ruler are inside the photographs."""
     ticks = scene.to_px(scene.ruler(np.array([0.0, RULER_MM])))
     return bool(((ticks >= 0.0) & (ticks <= np.array(scene.size) - 1.0)).all())
 
 
 @dataclass(frozen=True)
 class BentBody:
-    """The surface of a bent beam, as several copies of its outline, one at each depth.
+    """The surface of a bent beam, as several outlines of n points, one at each depth.
 
-    around: points in mm in the world frame, shape (layers, n, 3). Each of the `layers` outlines has n points, which
-    lead from the clamp along one edge, around the tip and back to the clamp.
+    around : points in mm in the world frame, shape (layers, n, 3), from the clamp around the tip and back
     """
 
     around: Array
@@ -200,10 +190,7 @@ def bent_bodies(scene: PhoneScene) -> list[BentBody]:
 
 
 def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> bytes:
-    """Return one photograph as the bytes of a JPEG file with Exif data.
-
-    number: number of the photograph, which is the seed of its noise.
-    """
+    """Return one photograph as a JPEG file with Exif data; `number` is the seed of its noise."""
     rng = np.random.default_rng([scene.seed, 7])  # all photographs have the same wall, colours and clamp
     behind, beam = colours(rng)
     picture = wall(scene, behind, rng)
@@ -236,10 +223,11 @@ def photograph(scene: PhoneScene, body: BentBody, grams: float, number: int) -> 
 
 
 def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Generator, sigma_px: float) -> dict[str, Any]:
-    """Return the points that a person clicks on the first photograph, with normally distributed errors, by key.
+    """Return the points that a person clicks on the first photograph, with random errors, by key.
 
-    tip: true midpoint of the tip in the world frame (mm), shape (3,). ruler_mm: distance between the two points on the
-    ruler. sigma_px: standard deviation of a click.
+    tip : true midpoint of the tip in the world frame (mm), shape (3,)
+    ruler_mm : distance between the two points on the ruler
+    sigma_px : standard deviation of a click
     """
     ends = scene.ruler(np.array([0.0, ruler_mm]))
     nearer = BEYOND_MM if scene.camera_mm[0] < 0.0 else 0.0  # from the left, the near face of the clamp hides the line
@@ -251,10 +239,7 @@ def clicks(scene: PhoneScene, tip: Array, ruler_mm: float, rng: np.random.Genera
 
 
 def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, float]:
-    """Return the dimensions and the density that a person measures and types, with random errors, by key.
-
-    The errors of width and depth are the usual errors of a laboratory according to `eimi_fitting`.
-    """
+    """Return dimensions and density that a person measures, with random errors, by key."""
     beam = scene.specimen
     return {
         "length_mm": round(beam.length_mm + 0.2 * rng.standard_normal(), 1),
@@ -265,14 +250,14 @@ def measured_sizes(scene: PhoneScene, rng: np.random.Generator) -> dict[str, flo
 
 
 def clamp(scene: PhoneScene) -> Array:
-    """Return the outlines of the near and of the far face of the clamp in the world frame, mm, shape (2, 5, 3)."""
+    """Return the outlines of the near and the far face of the clamp in the world frame, mm, shape (2, 5, 3)."""
     half, z = 0.5 * scene.specimen.width_mm, 0.5 * scene.specimen.depth_mm + BEYOND_MM
     face = np.array([[0.0, -4 * half], [0.0, 4 * half], [-40.0, 4 * half], [-40.0, -4 * half], [0.0, -4 * half]])
     return scene.in_world(np.stack([np.column_stack([face, np.full(5, depth)]) for depth in (-z, z)]))
 
 
 def colours(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return two clearly different random colours (blue, green, red), of the wall and of the beam."""
+    """Return clearly different random colours (blue, green, red) of wall and beam."""
     while True:
         wall, beam = rng.uniform(60.0, 215.0, 3), rng.uniform(60.0, 230.0, 3)
         if np.linalg.norm(wall - beam) > _DISTANT:
@@ -280,7 +265,7 @@ def colours(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return a picture of the wall behind the beam, shape (height, width, 3), in uneven light with unsharp grain."""
+    """Return a picture of the wall behind the beam, shape (height, width, 3), in uneven light."""
     width, height = scene.size
     lumps = rng.uniform(-12.0, 12.0, (6, 8, 3)).astype(np.float32)
     picture = cv2.resize(lumps, scene.size, interpolation=cv2.INTER_CUBIC)
@@ -290,10 +275,7 @@ def wall(scene: PhoneScene, colour: Array, rng: np.random.Generator) -> NDArray[
 
 
 def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
-    """Return polygons that together cover all pixels that show the body, each with n corners in px, shape (n, 2).
-
-    The polygons are the outlines of the body at each depth, and the faces between neighbouring outlines.
-    """
+    """Return polygons that together cover the body in the picture, each with n corners in px, shape (n, 2)."""
     layers = scene.to_px(body.around)
     polygons = list(layers)
     for one, other in pairwise(layers):
@@ -304,10 +286,7 @@ def silhouette(scene: PhoneScene, body: BentBody) -> list[Array]:
 
 
 def cover(mask: NDArray[np.float32], polygons: list[Array], share: float) -> tuple[slice, slice]:
-    """Write into `mask` the share of each pixel that the polygons cover, multiplied by `share`.
-
-    Return the rows and the columns of the mask that have changed.
-    """
+    """Write the covered share of each pixel times `share` into `mask`; return the changed rows and columns."""
     every = np.vstack(polygons)
     limit = np.array(mask.shape[::-1])
     first = np.clip(np.floor(every.min(axis=0)).astype(int) - 2, 0, limit)
@@ -331,17 +310,14 @@ def paint(picture: NDArray[np.float32], polygons: list[Array], colour: Array) ->
 
 
 def _strip(scene: PhoneScene, start: Array, end: Array, half_mm: float) -> Array:
-    """Return the four corners in px, shape (4, 2), of a narrow band between two points of the world frame.
-
-    half_mm: half of the width of the band. The band becomes a drawn line, such as a thread.
-    """
+    """Return the corners (px), shape (4, 2), of a line of half-width `half_mm` between points of the world frame."""
     along = (end - start)[:2] / np.linalg.norm((end - start)[:2])
     aside = half_mm * np.array([-along[1], along[0], 0.0])
     return scene.to_px(np.array([start - aside, end - aside, end + aside, start + aside]))
 
 
 def _hang(scene: PhoneScene, picture: NDArray[np.float32], tip: Array, grams: float) -> None:
-    """Draw a thread that hangs from the tip and a weight of `grams` at its end; change `picture` in place."""
+    """Draw a weight of `grams` on a thread at the tip; change `picture` in place."""
     low = tip + np.array([0.0, 0.45 * scene.specimen.length_mm, 0.0])
     paint(picture, [_strip(scene, tip, low, 0.12)], np.array([30.0, 30.0, 30.0]))
     weight = 1.2 + grams
@@ -351,7 +327,7 @@ def _hang(scene: PhoneScene, picture: NDArray[np.float32], tip: Array, grams: fl
 
 
 def paint_ruler(scene: PhoneScene, picture: NDArray[np.float32]) -> None:
-    """Draw a ruler of 60 mm above the beam, with ticks at its lower edge; change `picture` in place."""
+    """Draw a ruler of 60 mm with ticks above the beam; change `picture` in place."""
     ends = scene.ruler(np.array([-3.0, 63.0]))
     up = np.array([0.0, -1.0, 0.0])
     body = np.array([ends[0], ends[1], ends[1] + 9 * up, ends[0] + 9 * up])

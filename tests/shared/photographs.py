@@ -1,8 +1,4 @@
-"""Render photographs of coloured beams whose outline is known, and measure the errors of the detected edges.
-
-A beam of random colour and bend hangs in front of clutter. A lamp in front of the beam lights it unevenly, and the
-shadow of the beam falls beside or under the beam. Some photographs are stored as a JPEG of quality 80.
-"""
+"""Render photographs of coloured beams with known outlines, and measure the errors of the detected edges."""
 
 from __future__ import annotations
 
@@ -55,8 +51,9 @@ WRONG_PX = 3.0
 class Photograph:
     """A rendered photograph with the true outline of its beam.
 
-    kind: the difficulty of the photograph, one of `KINDS`. image: shape (height, width, 3), uint8. beam: the true
-    outline.
+    kind : difficulty, one of `KINDS`
+    image : shape (height, width, 3), uint8
+    beam : true outline
     """
 
     kind: str
@@ -69,8 +66,8 @@ def photograph(
 ) -> Photograph:
     """Return a rendered photograph of a kind of `KINDS`.
 
-    angle_deg: tip angle of the beam. colours: colours of the beam and of the background (blue, green, red), shape (2,
-    3). Both are random if they are None.
+    angle_deg : tip angle of the beam; None for a random one
+    colours : of beam and background (blue, green, red), shape (2, 3); None for random ones
     """
     beam = bend(SPECIMEN, rng.uniform(-90.0, 90.0) if angle_deg is None else angle_deg)
     frame = BeamFrame(CALIBRATION)
@@ -97,7 +94,7 @@ def photograph(
 
 
 def _two_colours(rng: np.random.Generator) -> Array:
-    """Return two random colours, of the beam and of the background, shape (2, 3), that an eye distinguishes clearly."""
+    """Return clearly different random colours of beam and background, shape (2, 3)."""
     while True:
         colours = rng.uniform(25.0, 235.0, (2, 3))
         if np.linalg.norm(colours[0] - colours[1]) > 70.0:
@@ -105,10 +102,7 @@ def _two_colours(rng: np.random.Generator) -> Array:
 
 
 def _background(colour: Array, other: Array, rng: np.random.Generator, things: int) -> Array:
-    """Return a picture of cloth of one colour with at most `things` rectangles on it, shape (height, width, 3).
-
-    other: the colour of the beam; no rectangle has this colour.
-    """
+    """Return a picture (height, width, 3) of cloth with at most `things` rectangles, none of the colour `other`."""
     knots = rng.uniform(-12.0, 12.0, (9, 12, 3)).astype(np.float32)
     picture = colour + cv2.resize(knots, SIZE, interpolation=cv2.INTER_CUBIC)
     picture += (
@@ -127,17 +121,14 @@ def _background(colour: Array, other: Array, rng: np.random.Generator, things: i
 
 
 def _shading(beam: BentBeam, frame: BeamFrame, rng: np.random.Generator) -> Array:
-    """Return the relative light on the beam, shape (height, width).
-
-    The light changes linearly in both directions of the picture, by up to 10 % from the middle to each side.
-    """
+    """Return the relative light on the beam, shape (height, width), which changes linearly by up to 10 %."""
     x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     direction = rng.uniform(-0.1, 0.1, 2)
     return 1.0 + direction[0] * (x / SIZE[0] - 0.5) * 2.0 + direction[1] * (y / SIZE[1] - 0.5) * 2.0
 
 
 def _light(rng: np.random.Generator) -> Array:
-    """Return the relative light of a lamp at one side of the picture, shape (height, width), with random variations."""
+    """Return the relative light of a lamp at one side, shape (height, width), with random variations."""
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, SIZE[0]), np.linspace(-1.0, 1.0, SIZE[1]))
     turn = rng.uniform(0.0, 2.0 * np.pi)
     knots = rng.uniform(-0.12, 0.12, (5, 7)).astype(np.float32)
@@ -149,9 +140,11 @@ def _light(rng: np.random.Generator) -> Array:
 class Outcome:
     """The quality of the edges in one photograph.
 
-    rms_px: root-mean-square error; pull: root mean square of the errors divided by their standard uncertainties;
-    coverage: share of the length that the shorter edge covers. rms_px and pull are NaN for unusable edges. usable:
-    whether a fit uses the edges; doubtful: whether a flag (warning) marks the edges as doubtful.
+    rms_px : root-mean-square error; NaN for unusable edges
+    pull : RMS error divided by the standard uncertainties; NaN for unusable edges
+    coverage : share of the length that the shorter edge covers
+    usable : whether a fit uses the edges
+    doubtful : whether a flag (warning) calls the edges doubtful
     """
 
     kind: str
@@ -164,9 +157,9 @@ class Outcome:
 
 
 def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
-    """Return the quality of the detected edges of a photograph; errors are measured normal to the true edge.
+    """Return the quality of the detected edges of a photograph.
 
-    seconds: processor time of the edge search.
+    seconds : processor time of the edge search
     """
     usable = len(edges.left.points_mm) > 0 and all(flag.severity is not Severity.UNUSABLE for flag in edges.flags)
     errors = np.concatenate(errors_px(edges, photo.beam, CALIBRATION)) if usable else np.array([np.nan])
@@ -180,10 +173,7 @@ def measured(photo: Photograph, edges: EdgeSet, seconds: float) -> Outcome:
 
 
 def run(pictures: int, seed: int, kinds: Sequence[str] = KINDS) -> list[Outcome]:
-    """Render this number of photographs, search their edges, and return the quality of each.
-
-    The photographs take the kinds in turn.
-    """
+    """Render photographs of the kinds in turn, search their edges, and return the quality of each."""
     outcomes = []
     for number in range(pictures):
         photo = photograph(kinds[number % len(kinds)], np.random.default_rng([seed, number]))

@@ -1,7 +1,4 @@
-"""Simulate experiments with equally spaced or planned states (coil currents), and compare how exact their fits are.
-
-The half-width of the 95 % interval of the modulus measures how exact a fit is.
-"""
+"""Simulate experiments with equally spaced or planned coil currents, and compare how exact their fits are."""
 
 from __future__ import annotations
 
@@ -52,10 +49,9 @@ class Setting:
 
 @dataclass(frozen=True)
 class Bench:
-    """The errors of a simulated bench: the uncertainties that its files give, and the noise of its edge points.
+    """The stated uncertainties of a simulated bench, and the noise of its edge points.
 
-    The noise is the sum of white noise and of noise that is correlated along the edge. noise_mm: standard deviation of
-    each of the two.
+    noise_mm : standard deviation of both parts of the noise, white and correlated along the edge
     """
 
     stated: tuple[StatedSource, ...]
@@ -63,11 +59,7 @@ class Bench:
 
 
 def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Generator) -> Experiment:
-    """Return a simulated experiment: the beam and its loads differ at random from the values in the files.
-
-    The size of the differences follows from the standard uncertainties in `bench`. The experiment contains the edges,
-    and the values in the files.
-    """
+    """Return a simulated experiment whose beam and loads differ from their files by random errors."""
     deviations = {
         s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in bench.stated
     }
@@ -85,7 +77,7 @@ def measured(setting: Setting, loads: Loads, bench: Bench, rng: np.random.Genera
 
 
 def fitted(experiment: Experiment) -> Estimate:
-    """Return the estimate of `eimi fit` for an experiment; the fit starts at the true modulus and needs no search."""
+    """Return the result of a fit that starts at the true modulus."""
     unknowns, unit = KnownLaw(LAWS["neo-hookean"], np.array([TRUTH_PA])).unknowns()
     return refine(Problem(LAWS["neo-hookean"], unknowns, (experiment,)), unit, 1).estimate
 
@@ -97,10 +89,9 @@ def half_percent(estimate: Estimate) -> float:
 
 
 def planned(setting: Setting, estimate: Estimate, bench: Bench, states: int) -> Candidates:
-    """Return the states from which a plan chooses the states of the next run.
+    """Return the load steps from which a plan of the next run chooses, with their contributions to the accuracy.
 
-    Each state has its contribution to the accuracy of the modulus. The contributions are computed from the modulus and
-    the noise of an earlier fit, `estimate`, to `states` states.
+    estimate : result of an earlier fit to `states` load steps
     """
     noise = EdgeNoise.of(estimate.identifiability, states)
     law = KnownLaw(LAWS["neo-hookean"], np.array([estimate.initial_shear_modulus.value]))

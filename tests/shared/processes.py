@@ -10,7 +10,7 @@ WAIT_AT_MOST_S = 600.0
 
 
 def wait_until(true: Callable[[], bool], otherwise: str) -> None:
-    """Wait until the function `true` returns True; raise RuntimeError with the text `otherwise` after 600 s."""
+    """Wait until `true()` is True; raise RuntimeError with the text `otherwise` after 600 s."""
     until = time.monotonic() + WAIT_AT_MOST_S
     while not true():
         if time.monotonic() > until:
@@ -19,7 +19,7 @@ def wait_until(true: Callable[[], bool], otherwise: str) -> None:
 
 
 def alive(process: int) -> bool:
-    """Return whether the process with this number exists and is not a zombie, that is, has not ended."""
+    """Return whether the process with this number exists and has not ended."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
     except OSError:

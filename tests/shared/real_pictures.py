@@ -1,8 +1,4 @@
-"""Read photographs that other people made, with edges traced by hand, and score detected edges against them.
-
-The pictures and the rules for the score are in ``../shared/data/pictures``, beside the checkout, because they may not
-be distributed.
-"""
+"""Read photographs with edges traced by hand from ``../shared/data/pictures``, and compare detected edges with them."""
 
 from __future__ import annotations
 
@@ -33,11 +29,11 @@ COVERAGE, MEDIAN_PX, P95_PX = 0.85, 1.5, 4.0
 
 @dataclass(frozen=True)
 class PictureScore:
-    """The agreement of detected edges with the edges that a person has traced in the picture.
+    """The agreement of detected edges with edges that a person has traced.
 
-    coverage: share of the traced edges that has detected points nearby. median, p95, rms: median, 95 % quantile and
-    root mean square of the distance of the points from the traced edges in px; all are NaN if there are no points.
-    traced_px: standard uncertainty of the traced edges.
+    coverage : share of the traced edges with detected points nearby
+    median, p95, rms : median, 95 % quantile and root mean square of the distances (px); NaN without points
+    traced_px : standard uncertainty of the traced edges
     """
 
     coverage: float
@@ -52,17 +48,11 @@ class PictureScore:
 
     @property
     def wrong(self) -> bool:
-        """Whether the detected points are far from the traced edges, or no points were detected.
-
-        The coverage does not count: a few exact points are not wrong.
-        """
+        """Whether the detected points are far from the traced edges, or missing."""
         return not (self.median <= MEDIAN_PX and self.p95 <= P95_PX)
 
     def silent(self, edges: EdgeSet) -> bool:
-        """Whether the edges are wrong without any flag (warning), so that a fit would use them.
-
-        Edges are wrong if their error `rms` is above three standard uncertainties of the traced edges.
-        """
+        """Whether the edges are wrong (RMS above 3 `traced_px`) without any flag (warning)."""
         flagged = any(flag.severity is not Severity.NOTE for flag in edges.flags)
         return bool(len(edges.left.points_mm)) and not flagged and self.rms > 3.0 * self.traced_px
 
@@ -72,9 +62,9 @@ _NO_POINTS = PictureScore(0.0, math.nan, math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True)
 class Picture:
-    """A photograph, with the calibration and the specimen file that belong to it, and the folder of the files.
+    """A photograph with its calibration, its specimen file and its folder.
 
-    beam: whether the picture shows a beam. The folder then also contains the edges that a person traced by hand.
+    beam : whether the picture shows a beam, with traced edges in the folder
     """
 
     name: str
@@ -89,10 +79,7 @@ class Picture:
         return find_edges(self.image, calibration, specimen)
 
     def wrongly_stated(self, rng: np.random.Generator) -> tuple[Calibration, SpecimenFile]:
-        """Return the calibration and the specimen file of a user who estimates by eye and with a ruler.
-
-        The midpoint of the clamp, the angle of the axis, the width and the length have random errors.
-        """
+        """Return the calibration and the specimen file of a user who estimates by eye and with a ruler."""
         clamp = np.array(self.calibration.clamp_midpoint_px) + rng.uniform(-4.0, 4.0, 2)
         turn = rng.uniform(-4.0, 4.0)
         beam = self.specimen.specimen
@@ -123,7 +110,7 @@ class Picture:
         return calibration.model_copy(update={"picture": help_given})
 
     def score(self, edges: EdgeSet, calibration: Calibration) -> PictureScore:
-        """Score edges by the rules that come with the pictures; the left edge may match either traced edge."""
+        """Return the agreement of edges with the traced edges, by the rules in the folder of the pictures."""
         reference = json.loads((self.folder / "reference.json").read_text())
         if not self.beam or not len(edges.left.points_mm):
             return _NO_POINTS
@@ -160,10 +147,7 @@ class Picture:
 
 
 def pictures(group: str) -> Iterator[Picture]:
-    """Yield the pictures of a group; yield no picture if the folder of the pictures is missing.
-
-    The groups are ``development``, pictures of a beam, and ``refusal``, pictures without a beam.
-    """
+    """Yield the pictures of the group ``development`` (with a beam) or ``refusal`` (without a beam)."""
     for folder in sorted((PICTURES / group).glob("*/")):
         image = cv2.imread(str(folder / "frame.png"), cv2.IMREAD_UNCHANGED)
         if image.ndim == 3 and np.ptp(image, axis=2).max() == 0:

@@ -1,7 +1,4 @@
-"""Render frames of beams of known shape, and measure the errors of the edges that are detected in them.
-
-A beam is a circular arc with a straight magnet block at its end, so that its outline is known exactly.
-"""
+"""Render frames of beams of known shape, and measure the errors of the edges that are detected in them."""
 
 from __future__ import annotations
 
@@ -71,8 +68,8 @@ END_MM = 1.0  # length that does not count at each end, where clamp and corners 
 class BentBeam:
     """The outline of a bent beam in the beam frame in mm.
 
-    left, right: n closely spaced points of each edge from the clamp to the tip, shape (n, 2). magnet: the four corners
-    of the magnet, shape (4, 2), None without a magnet.
+    left, right : n points of each edge from the clamp to the tip, shape (n, 2)
+    magnet : four corners of the magnet, shape (4, 2); None without a magnet
     """
 
     left: Array
@@ -85,10 +82,7 @@ class BentBeam:
 
 
 def bend(specimen_file: SpecimenFile, tip_angle_deg: float, points_per_mm: float = POINTS_PER_MM) -> BentBeam:
-    """Return the outline of a beam whose flexible part is a circular arc, with the magnet block straight at its end.
-
-    tip_angle_deg: angle of the tip in degrees, positive toward +y. points_per_mm: density of the outline.
-    """
+    """Return the outline of a beam that is a circular arc, with a straight magnet at its end."""
     mechanics = specimen_file.mechanics()
     flexible, half = mechanics.flexible_length_mm, 0.5 * mechanics.width_mm
     place = np.linspace(0.0, mechanics.length_mm, max(8, round(points_per_mm * mechanics.length_mm)))
@@ -115,11 +109,7 @@ def make_bent_scene(
     beam: BentBeam,
     size: tuple[int, int] = SIZE,
 ) -> Scene:
-    """Return a scene to render: a beam that hangs from a clamp four times as wide as the beam.
-
-    The beam leaves the clamp at x = 0 of the beam frame. Each pixel is computed from 2 x 2 smaller pixels, so that the
-    errors of the rendering are much smaller than the errors of the edge search.
-    """
+    """Return a scene to render: a beam that hangs at x = 0 of the beam frame from a wider clamp."""
     frame = BeamFrame(calibration)
     wide, high = 2.0 * specimen_file.specimen.width_mm, 0.5 * specimen_file.specimen.length_mm
     clamp = frame.to_px([[0.0, -wide], [0.0, wide], [-high, wide], [-high, -wide]])
@@ -128,11 +118,10 @@ def make_bent_scene(
 
 
 def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array:
-    """Return the signed distances (mm), shape (n,), of n points from an edge; outward is positive.
+    """Return the signed distances (mm), shape (n,), of n points from an edge.
 
-    edge_mm: closely spaced points (x, y) of the true edge.
-
-    outward: +1 for the edge on the +y side of the beam, -1 for the edge on the -y side.
+    edge_mm : points (x, y) of the true edge
+    outward : +1 or -1, the side of the beam (+y or -y) on which the edge lies
     """
     tangent = np.gradient(edge_mm, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
@@ -142,21 +131,21 @@ def outward_errors_mm(points_mm: Array, edge_mm: Array, outward: float) -> Array
 
 
 def errors_px(edges: EdgeSet, beam: BentBeam, calibration: Calibration) -> tuple[Array, Array]:
-    """Return the signed errors (px) of the left and of the right points normal to the true edge, positive outward."""
+    """Return the errors (px) of the left and right points normal to the true edge, positive outward."""
     left = outward_errors_mm(edges.left.points_mm, beam.left, -1.0)
     right = outward_errors_mm(edges.right.points_mm, beam.right, 1.0)
     return left * calibration.pixels_per_mm, right * calibration.pixels_per_mm
 
 
 def with_silicone_beside(magnet_px: float) -> SpecimenFile:
-    """Return the specimen of the benchmark with a magnet that is narrower than the beam by `magnet_px` on each side."""
+    """Return a specimen with a magnet that is narrower than the beam by `magnet_px` on each side."""
     assert SPECIMEN.magnet is not None
     width_mm = SPECIMEN.specimen.width_mm - 2.0 * magnet_px / CALIBRATION.pixels_per_mm
     return SpecimenFile(specimen=SPECIMEN.specimen, magnet=SPECIMEN.magnet.model_copy(update={"width_mm": width_mm}))
 
 
 def off_middle(beam: BentBeam, distance_mm: float) -> BentBeam:
-    """Return the beam with its magnet displaced by this distance toward the right edge."""
+    """Return the beam with its magnet displaced toward the right edge."""
     assert beam.magnet is not None
     across = beam.magnet[3] - beam.magnet[0]
     return replace(beam, magnet=beam.magnet + distance_mm * across / np.linalg.norm(across))
@@ -171,10 +160,10 @@ def measure(
     off_middle_mm: float = 0.0,
     from_tip_mm: float = math.inf,
 ) -> list[dict[str, Any]]:
-    """Render and search several frames at each tip angle; return bias, RMS error (px) and time (ms) for each angle.
+    """Render frames at each tip angle and search their edges; return bias, RMS error (px) and time (ms) for each angle.
 
-    off_middle_mm: displacement of the magnet toward the right edge. from_tip_mm: only points at most this far from the
-    end of their edge count.
+    off_middle_mm : displacement of the magnet toward the right edge
+    from_tip_mm : largest distance of evaluated points from the tip
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -223,11 +212,7 @@ def _mean(values: Array) -> float:
 
 
 def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Summarise the rows of `measure`, of which there is one for each tip angle.
-
-    The summary contains bias and RMS error of each side (px), the largest error, the pull (the RMS of errors divided by
-    their standard uncertainties) of all rows together, its smallest and largest value in one row, and the time (ms).
-    """
+    """Summarise the rows of `measure`: errors (px), time (ms), and pull (errors divided by uncertainties)."""
     summary = {name: float(np.nanmean([row[name] for row in rows])) for name in ("left_bias", "right_bias", "ms")}
     for name in ("left_rms", "right_rms", "pull"):
         summary[name] = float(np.sqrt(np.nanmean([row[name] ** 2 for row in rows])))
@@ -242,11 +227,7 @@ def overall(rows: list[dict[str, Any]]) -> dict[str, float]:
 def measure_other(
     method: Callable[[NDArray[Any]], Array], optics: Optics, angles_deg: tuple[float, ...], seed: int
 ) -> dict[str, float]:
-    """Return bias and RMS error (px) of each side, and the time (ms), of a published method of edge detection.
-
-    Only points near a true edge and away from the ends of the beam count, because the method also returns other
-    contours.
-    """
+    """Return bias and RMS error (px) of each side, and the time (ms), of another method of edge detection."""
     rng = np.random.default_rng(seed)
     frame, ppm = BeamFrame(CALIBRATION), CALIBRATION.pixels_per_mm
     errors: dict[str, list[Array]] = {"left": [], "right": []}

@@ -1,4 +1,4 @@
-"""Small pictures of a beam that is clamped at the top, computed with smooth edges, so that a test of them is quick."""
+"""Small pictures of a beam that is clamped at the top, for quick tests."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def within(values: Array, low: Array | float, high: Array | float, blur_px: floa
 
 
 class SmallPicture:
-    """A picture of a beam 14 px wide and 84 px long, to which a test adds bodies.
+    """A picture (blue, green, red) of a beam 14 px wide and 84 px long.
 
-    Its colours are blue, green and red. `along` and `aside` are the coordinates of each pixel along the beam, from the
-    clamp, and across it, px. `above_px` is a number of further rows above the clamp.
+    along, aside : coordinates of each pixel along and across the beam (px)
+    above_px : number of rows above the clamp
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class SmallPicture:
         self.colours = np.ones((*size, 1)) * np.array(ground)
 
     def add(self, share: Array, colour: tuple[float, ...]) -> SmallPicture:
-        """Paint a colour over the picture, where `share` is 1."""
+        """Paint a colour over the picture with the opacity `share` (0 to 1) of each pixel."""
         self.colours = self.colours + share[..., None] * (np.array(colour) - self.colours)
         return self
 
     def dim(self, share: Array, by: float) -> SmallPicture:
-        """Darken the picture by a factor, where `share` is 1."""
+        """Darken the picture by a factor, with the weight `share` (0 to 1) of each pixel."""
         self.colours = self.colours * (1.0 - (1.0 - by) * share[..., None])
         return self
 

@@ -1,7 +1,4 @@
-"""Compute errors of the solid element and of the solid beam model against independent solutions.
-
-The independent solutions are exact solutions, the planar model in plane strain, and the finite-element program FElupe.
-"""
+"""Compute errors of the solid element and beam model against exact solutions, plane strain and the program FElupe."""
 
 from __future__ import annotations
 
@@ -33,7 +30,8 @@ MAGNETIC = Specimen(30.0, 3.0, 5.0, 1070.0, "plane-strain", Magnet(4.0, 3.0, 5.0
 def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: int) -> Configuration:
     """Return the equilibrium of a solid under forces on its N nodes, shape (N, 3), applied in equal steps.
 
-    The forces do not change with the deformation. name: key of the law in `LAW_EXAMPLES`. bulk: bulk modulus in MPa.
+    name : key of the law in `LAW_EXAMPLES`
+    bulk : bulk modulus in MPa
     """
     batch = Batch(LAWS[name], np.array([LAW_EXAMPLES[name]]), "solid", np.array([bulk]))
     now = solid.rest(1)
@@ -47,9 +45,8 @@ def equilibrium(solid: Solid, name: str, force: np.ndarray, bulk: float, steps: 
 def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Convert a traction on one face of a mesh to forces on its N nodes, shape (N, 3).
 
-    The traction does not change with the deformation. axis, at: the face lies at the beginning (at = 0) or the end (at
-    = -1) of this axis of the grid. traction: function from n points, shape (n, 3), to the traction at each point, shape
-    (n, 3).
+    axis, at : the face at the beginning (0) or end (-1) of this axis of the grid
+    traction : function from n points, shape (n, 3), to the traction at each point, shape (n, 3)
     """
     numbers = np.take(mesh.numbers, at, axis=axis)
     corner = numbers[0:-1:2, 0:-1:2].ravel()
@@ -70,27 +67,24 @@ def face_forces(mesh: Bricks, axis: int, at: int, traction: Callable[[np.ndarray
 def principal_stress(name: str, stretches: np.ndarray) -> np.ndarray:
     """Return the principal nominal stresses, shape (3,), of an incompressible body whose third pair of faces is free.
 
-    name: the law. stretches: the three principal stretches.
+    name : the law
+    stretches : the three principal stretches
     """
     _, tau, _ = LAWS[name].principal(np.array(LAW_EXAMPLES[name]), stretches)
     return np.asarray((tau - tau[2]) / stretches)
 
 
 def distorted(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Move the inner points of a unit cube, and keep the points on its surface, to distort the elements of a mesh.
-
-    The centre moves farthest. The distorted mesh is used in a patch test.
-    """
+    """Move the inner points of a unit cube, to distort the elements of a mesh."""
     inner = (1 - np.abs(2 * x - 1)) * (1 - np.abs(2 * y - 1)) * (1 - np.abs(2 * z - 1))
     return x + 0.11 * inner, y - 0.07 * inner, z + 0.09 * inner
 
 
 def even_stretch(name: str, along: float, across: float) -> float:
-    """Return the largest error of a displacement in a patch test of the solid element.
+    """Return the largest error of a displacement in a patch test: a uniform stretch of distorted solid elements.
 
-    In a patch test, a mesh of distorted elements is stretched uniformly, and must reproduce this stretch exactly. The
-    mesh is a cube with side 1. Tractions on two of its faces stretch it by `along` and `across`; the third stretch
-    follows from the constant volume. name: the hyperelastic law.
+    name : the law
+    along, across : stretches in two directions
     """
     stretches = np.array([along, across, 1 / (along * across)])
     lines = np.linspace(0, 1, 3)
@@ -105,14 +99,12 @@ def even_stretch(name: str, along: float, across: float) -> float:
 
 
 def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float]:
-    """Twist a cube of solid elements with side 1 about z; return the error of the displacement and the torque.
+    """Twist a unit cube about z; return the largest error of a displacement, and the torque divided by mu twist / 6.
 
-    The surface of the cube is rotated as in pure torsion, by the angle `twist` (rad) for each unit of z. In an
-    isotropic, incompressible body, pure torsion is an exact solution (Rivlin 1948, Phil. Trans. R. Soc. A 241:379). The
-    error is the largest difference between this solution and the displacement of an inner node.
-
-    The torque is divided by mu twist / 6, the exact torque of a neo-Hookean cube with the shear modulus mu. name: the
-    law. divisions: number of elements along a side.
+    Exact solution: Rivlin 1948, Phil. Trans. R. Soc. A 241:379; mu is the shear modulus.
+    name : the law
+    divisions : number of elements along a side
+    twist : angle for each unit of z (rad)
     """
     lines = np.linspace(-0.5, 0.5, divisions + 1)
     mesh = brick_mesh(lines, lines, lines)
@@ -146,14 +138,10 @@ def torsion(name: str, divisions: int, twist: float = 1.0) -> tuple[float, float
 
 
 def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
-    """Inflate a thick cylinder of solid elements in plane strain; return three errors of the solution.
+    """Inflate a cylinder (radii 1 and 2, plane strain); return the errors of inner radius, displacements and pressure.
 
-    The errors are: of the inner radius (relative), of the displacements (L2 norm) and of the pressure in the material
-    (L2 norm). The cylinder has the inner radius 1 and the outer radius 2, and one layer of elements in depth.
-
-    divisions: number of elements across the wall. stretch: inner radius after the inflation. With the stretches la at
-    the inner and lb at the outer radius, the exact pressure in the cylinder is p = mu [ln(la / lb) + (lb^-2 - la^-2) /
-    2] (Ogden, Non-linear Elastic Deformations, 5.3.3).
+    divisions : number of elements across the wall
+    stretch : inner radius after the inflation
     """
     outer = np.sqrt((3 + stretch**2) / 4)
     load = stretch * (np.log(stretch / outer) + 0.5 * (outer**-2 - stretch**-2))
@@ -193,7 +181,7 @@ def cylinder(divisions: int, stretch: float) -> tuple[float, float, float]:
 
 
 def held(specimen: Specimen, along: int, across: int) -> SolidModel:
-    """Return a solid model whose displacement in depth is zero at every node, which is plane strain."""
+    """Return a solid model that is held in plane strain: no node moves in depth."""
     model = SolidModel(specimen, along, across)
     fixed = np.zeros(model.mesh.nodes.shape, bool)
     fixed[model.mesh.numbers[0].ravel()] = True
@@ -203,11 +191,7 @@ def held(specimen: Specimen, along: int, across: int) -> SolidModel:
 
 
 def against_plane_strain(name: str) -> float:
-    """Return the largest difference (mm) between the plane-strain model and the solid that is held in plane strain.
-
-    The coordinates of the same points of the beam are compared. The beam has a magnet and bends in a field of up to
-    7 mT. name: the law.
-    """
+    """Return the largest difference (mm) between the plane-strain model and a solid held in plane strain."""
     law = LAWS[name]
     parameters = np.array(LAW_EXAMPLES[name]) * [1 if u == "1" else 4.6e4 for u in law.units]
     loads = Loads.along(np.linspace(0, 7, 6), 70.0, 10.0, 1e-4)
@@ -221,9 +205,10 @@ def against_plane_strain(name: str) -> float:
 
 
 def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) -> float:
-    """Return by how many mm the midpoint of the tip of a horizontal solid beam sinks under its weight.
+    """Return by how many mm the tip of a horizontal solid beam sinks under its weight.
 
-    mu: shear modulus in Pa. along, across: numbers of elements. more: additional elements in depth.
+    mu : shear modulus in Pa
+    along, across, more : numbers of elements; `more` are additional ones in depth
     """
     model = SolidModel(specimen, along, across, more)
     loads = Loads.along(np.zeros(4), 90.0, -90.0)
@@ -236,8 +221,7 @@ def drop(specimen: Specimen, mu: float, along: int, across: int, more: int = 0) 
 def felupe_drop(specimen: Specimen, mu: float, cells: tuple[int, int, int]) -> float:
     """Return by how many mm the tip of a horizontal beam sinks under its weight, as FElupe computes it.
 
-    FElupe uses trilinear bricks with mean dilatation. cells: numbers of elements along, across, and in half of the
-    depth.
+    cells : numbers of elements along, across, and in half of the depth
     """
     import felupe
 

@@ -1,7 +1,4 @@
-"""Record a run with a ring-down, whose camera is another process and whose emulated supply works in real time.
-
-A ring-down is the free vibration of the beam after a step of the current.
-"""
+"""Record the free vibration after a step of the current, with a camera in another process and an emulated supply."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ settle = {{ noise_ratio = 3.0, pairs = 1, drift_window_s = 0.05, timeout_s = 2.0
 
 @dataclass(frozen=True)
 class Streamed:
-    """A recorded run: its file, the event that reports the free vibration, and whether all frames were unchanged."""
+    """A recorded run: its file, the event of the free vibration, and whether all frames were unchanged."""
 
     path: Path
     stored: RingDownStored
@@ -53,7 +50,7 @@ class Streamed:
 
 @contextmanager
 def streaming(width: int, height: int, rate_Hz: float) -> Iterator[TimedCamera]:
-    """Yield the camera with a time limit for every call, as a run uses its camera; close the camera at the end."""
+    """Yield the camera with a time limit for every call, and close it at the end."""
     started = StreamingCamera(width, height, rate_Hz)
     with closing(TimedCamera("memory", lambda: started)) as camera:
         started.wait_for_first_frame()
@@ -61,10 +58,7 @@ def streaming(width: int, height: int, rate_Hz: float) -> Iterator[TimedCamera]:
 
 
 def record(path: Path, width: int, height: int, rate_Hz: float, seconds: float) -> Streamed:
-    """Record a free vibration of `seconds` with frames from another process.
-
-    Each stored frame is compared with its original.
-    """
+    """Record a free vibration with frames from another process, and compare each stored frame with its original."""
     clock = WallClock()
     coil = CoilSupply(clock, current_noise_A=0.0005)
     supply = KoradSupply(InProcessTransport(KoradDialect(coil), clock), Limits(1.0, 10.0), clock)

@@ -1,8 +1,4 @@
-"""Emulate a camera in another process, which writes frames at a constant rate into a ring of buffers in shared memory.
-
-The noisy frames are rendered before the test. If no buffer is free, a frame is lost and its number is missing, as with
-a real camera.
-"""
+"""Emulate a camera in another process, which writes frames at a constant rate into a ring buffer in shared memory."""
 
 from __future__ import annotations
 
@@ -22,10 +18,7 @@ PRE_RENDERED = 24
 
 
 def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np.uint8]:
-    """Return frames of a dark beam on a bright background, shape (PRE_RENDERED, height, width).
-
-    Each frame has different noise, with a standard deviation of `noise_grey` grey levels.
-    """
+    """Return frames of a dark beam with noise of `noise_grey` grey levels, shape (PRE_RENDERED, height, width)."""
     random = np.random.default_rng(0)
     across = np.abs(np.arange(width) - width / 2)
     still = np.tile(30 + 170 / (1 + np.exp(-(across - width / 25) / 1.0)), (height, 1))
@@ -38,12 +31,13 @@ def noisy_frames(width: int, height: int, noise_grey: float = 1.3) -> NDArray[np
 
 
 def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, ready: Any, counts: Any) -> None:
-    """Take frames at a constant rate, as the process of an emulated camera, until the parent process sets `counts[1]`.
+    """Write frames at a constant rate into a ring buffer, until the parent process sets `counts[1]`.
 
-    The frames are written into a ring of buffers. If no buffer is free, a frame is lost. name: name of the shared
-    memory that holds the ring. size: width and height of a frame, px. buffers: number of frames in the ring. ready:
-    semaphore that counts the frames that wait in the ring. counts: `counts[0]` is the number of frames that the parent
-    process has taken.
+    name : name of the shared memory
+    size : width and height of a frame (px)
+    buffers : number of frames in the ring
+    ready : semaphore that counts the waiting frames
+    counts : `counts[0]` is the number of frames that the parent process has taken
     """
     width, height = size
     images = noisy_frames(width, height)
@@ -65,7 +59,7 @@ def _expose(name: str, size: tuple[int, int], rate_Hz: float, buffers: int, read
 
 
 class StreamingCamera:
-    """A camera whose `grab` returns a copy of the oldest frame in the ring of buffers, and then frees its buffer."""
+    """A camera whose `grab` returns a copy of the oldest frame in the ring buffer, and frees its place."""
 
     def __init__(self, width: int, height: int, rate_Hz: float, buffers: int = 32) -> None:
         context = multiprocessing.get_context("spawn")

@@ -1,7 +1,4 @@
-"""The exact messages that every supply driver sends, and the replies of the instruments.
-
-The replies follow the manuals and were written independently of the emulators.
-"""
+"""The exact messages that every supply driver sends, with the replies according to the manuals."""
 
 from __future__ import annotations
 
@@ -10,18 +7,16 @@ NONE = '0,"No error"'
 
 
 class Transcript:
-    """Expected messages with their replies, which take the place of an instrument.
-
-    A message that is not the next expected message raises AssertionError.
+    """A replacement for an instrument: expected messages with their replies; any other message raises AssertionError.
 
     Parameters
     ----------
     exchanges : list of (str, str)
-        Each expected message with its reply, in their order; the reply is empty if the instrument sends none.
+        Messages and replies in their order; an empty reply is none.
     end : str
-        The characters that end every message.
+        End of every message.
     reply_end : str
-        The characters that end every reply.
+        End of every reply.
     """
 
     def __init__(self, exchanges: list[tuple[str, str]], end: str, reply_end: str) -> None:
@@ -49,18 +44,17 @@ def scpi(
     disarmed: tuple[tuple[str, str], ...] = (),
     **strings: str,
 ) -> list[tuple[str, str]]:
-    """Return the messages of a driver of a SCPI supply during a run, each with the reply of the supply.
+    """Return the messages of the driver of a SCPI supply during a run, with the replies.
 
     Parameters
     ----------
     select : str
-        The message that selects the channel; empty for a supply without this message.
+        The message that selects the channel; empty if there is none.
     armed, disarmed : tuple of (str, str)
-        The messages that start and stop the watchdog, each with its reply.
+        The messages that start and stop the watchdog, with the replies.
     **strings : str
-        The messages and replies of this supply that differ from those of most supplies. The names are the keys of the
-        dictionary `family` in this function, for example ``volt="VOLT 12"``. Several messages are separated by ``|``.
-        In "protected?" and "mode", each query is followed by an equals sign and its reply. A further name is "remote":
+        Messages that differ from the dictionary `family` in this function, by its keys, such as ``volt="VOLT 12"``.
+        A ``|`` separates messages, and a query in "protected?" or "mode" ends with ``=`` and its reply. "remote" is
         the message for remote control, which comes first.
     """
     family = {

@@ -1,9 +1,4 @@
-"""Simulate measurements whose uncertain values are drawn at random, and count how often intervals contain the truth.
-
-Every uncertain value that the files of specimen, calibration and rig can give is drawn with its standard uncertainty.
-The beam with these values is simulated on 26 x 3 elements, and each edge point gets noise. The fit knows only the
-nominal values and their uncertainties.
-"""
+"""Simulate measurements with random errors of all uncertain inputs, and count the intervals that contain the truth."""
 
 from __future__ import annotations
 
@@ -56,10 +51,9 @@ NORMAL = 1.96
 
 @dataclass(frozen=True)
 class Case:
-    """One simulated experiment; its number, from 0, selects law, noise, specimen and beam model (planar or solid).
+    """One simulated experiment; its number, from 0, selects law, noise, specimen and beam model.
 
-    is_usual: whether the experiment is a planar neo-Hookean beam with the usual standard uncertainty of every uncertain
-    input (`usual`). Otherwise the standard uncertainties are those in the files of the example bench (`stated`).
+    is_usual : whether the inputs have their usual uncertainties, and not those of the example bench
     """
 
     number: int
@@ -78,12 +72,12 @@ class Case:
 
     @property
     def noise_mm(self) -> float:
-        """Standard deviation (mm) of each of the two parts of the noise, the white part and the correlated part."""
+        """Standard deviation (mm) of both parts of the noise, white and correlated."""
         return NOISE_MM[self.number // 4 % 3]
 
     @property
     def is_solid(self) -> bool:
-        """Whether the beam is simulated as a solid, which is so in every fourth group of twelve experiments."""
+        """Whether the beam is simulated as a solid."""
         return not self.is_usual and self.number // 12 % 4 == 3
 
     @property
@@ -97,9 +91,10 @@ class Case:
 class Outcome:
     """The result of one simulated fit. The modulus and the ends of its intervals are divided by the true modulus.
 
-    interval: the 95 % interval. fit_alone: the 95 % interval from noise and mesh alone, without the uncertainties of
-    the inputs. drawn: how far the random errors of the inputs in this experiment shift the modulus, in standard
-    deviations of this shift over many experiments. seconds: processor time.
+    interval : the 95 % interval
+    fit_alone : the 95 % interval from noise and mesh alone
+    drawn : shift of the modulus by the random errors of the inputs, divided by its standard deviation
+    seconds : processor time
     """
 
     case: Case
@@ -112,7 +107,7 @@ class Outcome:
 
 @cache
 def stated() -> tuple[StatedSource, ...]:
-    """Return the uncertainties that the files of the example bench give and that apply to a telecentric camera."""
+    """Return the uncertainties of the example bench that apply to a telecentric camera."""
     rig = load_rig("bench_example")
     every = (
         *load_specimen("bench_example").stated_sources(),
@@ -124,10 +119,7 @@ def stated() -> tuple[StatedSource, ...]:
 
 @cache
 def usual() -> tuple[StatedSource, ...]:
-    """Return the usual standard uncertainty of every input whose uncertainty a file can give, by input.
-
-    Inputs that a telecentric camera does not have are left out.
-    """
+    """Return the usual standard uncertainty of every input with a telecentric camera, by input."""
     return tuple(
         StatedSource(name, source.usual, source.stated_in)
         for name, source in SOURCES.items()
@@ -146,10 +138,7 @@ def true_parameters(model: str) -> Array:
 
 
 def begun_at(model: str, rng: np.random.Generator) -> Array:
-    """Return the start of the fit in unit coordinates (0 to 1 over the search range), shape (n,) for n parameters.
-
-    The start is drawn at random; its modulus is within about 20 % of the true modulus.
-    """
+    """Return a random start of the fit near the truth, scaled to 0 to 1, shape (n,) for n parameters."""
     space = search_space(LAWS[model])
     modulus = COORDINATES[model][0] * np.exp(rng.uniform(-BEGUN_WITHIN, BEGUN_WITHIN))
     unit = rng.uniform(0.25, 0.75, len(space.names))
@@ -159,10 +148,7 @@ def begun_at(model: str, rng: np.random.Generator) -> Array:
 
 @cache
 def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
-    """Return the difference between the shapes of the solid beam and of its planar model, at the nominal values.
-
-    The difference is tabulated as a function of the rotation of the tip. Return None for a planar section.
-    """
+    """Return the difference between solid beam and planar model by rotation of the tip; None for a planar section."""
     if specimen.section != "solid":
         return None
     turns = Loads.along(np.linspace(0.0, 1.1 * FIELD_MT[-1], 8))
@@ -170,19 +156,14 @@ def effect_of_depth(model: str, specimen: Specimen) -> DepthEffect | None:
 
 
 def deviations_drawn(rng: np.random.Generator, sources: Sequence[StatedSource]) -> dict[str, Array]:
-    """Return random errors of all uncertain inputs for one experiment, by name of the input, each of shape (parts,).
-
-    `sources` are the uncertain inputs with their standard uncertainties. An input has several parts if it consists of
-    several numbers, for example x and y of a point.
-    """
+    """Return random errors of the uncertain inputs `sources` by name, each of shape (parts,), such as x and y."""
     return {s.source: s.standard_uncertainty * rng.normal(size=len(SOURCES[s.source].parts)) for s in sources}
 
 
 def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generator) -> Experiment:
-    """Simulate one experiment: return the edges of the true beam, with the nominal values from which a fit starts.
+    """Return a simulated experiment: the edges of the true beam with the nominal values.
 
-    deviations: difference of the true values from the nominal values, by the name of the uncertain input. The fit does
-    not know these differences.
+    deviations : true minus nominal values, by name of the uncertain input
     """
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     loads = Loads.along(FIELD_MT)
@@ -210,10 +191,10 @@ def measured(case: Case, deviations: Mapping[str, Array], rng: np.random.Generat
 
 
 def with_noise(edges: Array, noise_mm: float, rng: np.random.Generator) -> EdgeObservation:
-    """Return edges with white noise and noise that is correlated along the edge, both normal to the edge.
+    """Return edges with white and correlated noise normal to the edge.
 
-    edges: points (x, y) in mm, shape (K, 2, m, 2) for K states, two edges and m points. noise_mm: standard deviation of
-    each of the two noises.
+    edges : points (x, y) in mm, shape (K, 2, m, 2): K load steps, two edges, m points
+    noise_mm : standard deviation of both noises
     """
     along = np.gradient(edges, axis=2)
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / np.linalg.norm(along, axis=-1, keepdims=True)
@@ -249,12 +230,7 @@ def outcome(case: Case) -> Outcome:
 
 
 def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> float:
-    """Return how far the errors of all inputs shift the modulus, in standard deviations of this shift.
-
-    The errors, `deviations`, were drawn at random for this experiment. The shift is the sum of each error times its
-    slope, the derivative of the logarithm of the modulus with respect to the input. The slopes are fitted to the random
-    samples of the fit (`estimate.draws`).
-    """
+    """Return the shift of the modulus by the errors of all inputs, `deviations`, divided by its standard deviation."""
     law = LAWS[case.model]
     parameters = np.column_stack([estimate.draws.column(name) for name in law.parameter_names])
     numbers = [(key, part) for key, values in deviations.items() for part in range(len(values))]
@@ -269,13 +245,13 @@ def drawn(case: Case, estimate: Estimate, deviations: Mapping[str, Array]) -> fl
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """Statistics of a group of experiments, in per cent except for the ratios `over_needed` and `over_needed_least`.
+    """Statistics of a group of simulated fits.
 
-    held_percent: share of the intervals that contain the truth (coverage). chance_percent: its 95 % confidence
-    interval. drawn_percent: the random errors of the inputs shift the modulus; share of the experiments in which the
-    shift is less than 1.96 of its standard deviations. over_needed: half-width of the intervals divided by the
-    half-width that would make 95 % of the intervals contain the truth. over_needed_least: lower bound of this ratio,
-    with a confidence of 97.5 %.
+    held_percent : share of the intervals that contain the truth
+    chance_percent : 95 % confidence interval of this share
+    drawn_percent : share of the fits whose `drawn` is between -1.96 and 1.96
+    over_needed : half-width of the intervals divided by the half-width that contains the truth in 95 % of the fits
+    over_needed_least : lower bound of `over_needed`, with a confidence of 97.5 %
     """
 
     name: str
@@ -291,19 +267,13 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coverage may be between 93 and 97 %, and the intervals at most 15 % too wide.
-
-        Both checks allow for the limited number of experiments.
-        """
+        """Whether the coverage may be 93 to 97 %, and the intervals at most 15 % too wide, for this number of fits."""
         low, high = self.chance_percent
         return low <= HIGHEST and high >= LOWEST and self.over_needed_least <= LARGEST_RATIO
 
 
 def row(name: str, outcomes: Sequence[Outcome]) -> Row:
-    """Return the statistics of a group of fits.
-
-    The half-width of an interval is the distance from the value to the end of the interval on the side of the truth.
-    """
+    """Return the statistics of a group of fits."""
     logs = np.log([[o.value, *o.interval, *o.fit_alone] for o in outcomes])
     value, low, high, fit_low, fit_high = logs.T
     contains_truth = (low <= 0) & (high >= 0)
