@@ -1,8 +1,7 @@
-"""Run all benchmarks with one command: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
+"""Run all benchmarks, each in a separate process: ``python -m benchmarks [--short] [-o docs/benchmarks.md]``.
 
-The benchmarks run one after another, each in a separate process, and each prints a table. ``--short`` uses reduced
-sizes and takes about a quarter of an hour. ``-o FILE`` writes all tables to a page. ``--only NAME`` runs one benchmark
-and replaces only its table on the page.
+``--short`` uses reduced sizes and takes about a quarter of an hour. ``-o FILE`` writes all tables to a page. ``--only
+NAME`` runs one benchmark and replaces only its table on the page.
 """
 
 from __future__ import annotations
@@ -25,17 +24,15 @@ class Benchmark:
     Attributes
     ----------
     name : str
-        Name of the section on the page.
+        Title of the section.
     script : str
         Name of the module.
     words : str
-        A sentence that describes the table that the script prints.
+        What the printed table shows.
     page : str
-        The page of the documentation that explains the results, as a path relative to docs.
-    arguments : tuple of str
-        The arguments of a full run.
-    short : tuple of str
-        The arguments of a run with reduced sizes.
+        Page that explains the results, relative to docs.
+    arguments, short : tuple of str
+        Command-line arguments of a full run and of a short run.
     """
 
     name: str
@@ -114,10 +111,7 @@ ALL = (
 
 
 def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
-    """Run a benchmark; return its section of docs/benchmarks.md in Markdown, and whether the benchmark succeeded.
-
-    If `short` is true, the benchmark runs with reduced sizes.
-    """
+    """Run a benchmark; return its section of the page in Markdown, and whether the benchmark succeeded."""
     arguments = benchmark.short if short else benchmark.arguments
     command = ["-m", f"benchmarks.{benchmark.script}", *arguments]
     print(f"{benchmark.name}: python {' '.join(command)}", flush=True)
@@ -131,10 +125,7 @@ def section(benchmark: Benchmark, short: bool) -> tuple[str, bool]:
 
 
 def sections_of(page: Path) -> dict[str, str]:
-    """Return the sections of the page with the benchmark tables, by the names of the benchmarks.
-
-    `page` is the Markdown file of an earlier run. The result is empty if it does not exist.
-    """
+    """Return the sections of an earlier page (Markdown), by the name of the benchmark; empty without a page."""
     if not page.is_file():
         return {}
     _, *parts = page.read_text(encoding="utf-8").split("\n## ")
@@ -142,7 +133,7 @@ def sections_of(page: Path) -> dict[str, str]:
 
 
 def heading() -> str:
-    """Return the head of the page as Markdown: the table of all benchmarks."""
+    """Return the head of the page in Markdown: a list of all benchmarks."""
     rows = "".join(
         f"| {b.name} | {b.words} | `python -m benchmarks.{b.script}` | [{Path(b.page).stem}]({b.page}) |\n" for b in ALL
     )
@@ -155,7 +146,7 @@ def heading() -> str:
 
 
 def environment() -> str:
-    """Return a line with the date and with the versions of Python and of the packages."""
+    """Return one line: the date, and the versions of Python and of the packages."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
     return f"{date.today().isoformat()}, Python {platform.python_version()}, {packages}."
 

@@ -1,9 +1,6 @@
-"""Count the wrong and the lost frames of a GigE camera with faults, and measure how soon the driver reports a fault.
+"""Count the wrong and the lost frames of an emulated GigE camera with faults, and time the driver's error message.
 
-    python -m benchmarks.camera_faults
-
-The emulated camera numbers its exposures. Each frame that the driver delivers is compared with the picture of the
-exposure that has the number of the frame.
+python -m benchmarks.camera_faults
 """
 
 from __future__ import annotations
@@ -30,12 +27,12 @@ PAYLOAD_BYTES = 1400 - 36
 
 
 def picture(number: int, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the picture (height, width) of one exposure: noise whose seed is the number of the exposure, from 0."""
+    """Return a picture of noise, shape (height, width), with the seed ``number``."""
     return np.random.default_rng(number).integers(0, 256, size_px[::-1], dtype=np.uint8)
 
 
 def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
-    """Return a function that returns the picture of the next exposure."""
+    """Return a function that returns the next picture of a series."""
     number = -1
 
     def expose() -> NDArray[np.uint8]:
@@ -47,10 +44,7 @@ def pictures(size_px: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
 
 
 def lost_packets(size_px: tuple[int, int], share: float) -> str:
-    """Return a table row for one share of lost packets: received, wrong and lost frames, and the time for one frame.
-
-    `size_px` is the width and height of the frames, px. `share` is the share of lost packets, 0 to 1.
-    """
+    """Return a table row: received, wrong and lost frames if a ``share`` (0 to 1) of all packets is lost."""
     with gige_process(partial(pictures, size_px), size_px) as process:
         camera = open_camera("aravis", LOOPBACK)
         assert isinstance(camera, AravisCamera)
@@ -75,10 +69,9 @@ def lost_packets(size_px: tuple[int, int], share: float) -> str:
 
 
 def vanished(what: str, serial_number: str | None) -> str:
-    """Kill the process of a camera, ask the driver for a frame, and return a row of the table with the reaction.
+    """Kill an emulated camera, ask the driver for a frame, and return a table row with the driver's reaction.
 
-    If `serial_number` is given, a camera with this number first takes the address of the killed camera. With None,
-    nothing answers at this address. `what` is the name of the fault in the row.
+    If `serial_number` is given, a camera with this number takes the address of the killed camera. `what` names the row.
     """
     size_px = SIZES_PX[0]
 
@@ -104,7 +97,7 @@ def vanished(what: str, serial_number: str | None) -> str:
 
 
 def rounded_region() -> str:
-    """Return a table row for a camera that rounds the height of the region (part of the sensor) that is asked for."""
+    """Return a table row for a camera that rounds the requested height of the picture."""
     with gige_process(partial(pictures, SIZES_PX[0]), SIZES_PX[0], rows_step=16):
         try:
             open_camera("aravis", LOOPBACK, CameraSettings(region=(0, 0, 128, 90))).close()
@@ -114,7 +107,7 @@ def rounded_region() -> str:
 
 
 def main() -> None:
-    """Print the table: one row for each fault of the camera, with the counts of frames and the driver's reaction."""
+    """Print the table, one row for each fault of the camera."""
     print("| fault | frame | frames | wrong | lost | time of a frame | driver |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for size_px in SIZES_PX:

@@ -1,35 +1,34 @@
-"""Measure how many 95 % intervals of the initial shear modulus contain the true value.
+"""Measure which share of the 95 % intervals of the initial shear modulus contains the true value.
 
 python -m benchmarks.coverage [--experiments 2000] [--seed 1] [--workers 2]
 
-Each experiment is a separate virtual measurement. A source is an input with an uncertainty that the files of specimen,
-calibration and rig can give, such as width, magnet, scale, coil, clamp, angles and zero of the current. In each
-experiment, the true value of every source is drawn at random with the standard uncertainty of the bench examples. The
-beam with the drawn values is simulated on 26 x 3 elements, and its edges are displaced by the drawn errors of the
-camera. Each edge point gets noise. Half of the variance of this noise is white. The other half has an exponential
-correlation along the edge, as blur and illumination cause. The fit knows only the nominal values and their
-uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
-
-Two simplifications make this number of experiments affordable:
-
-- The fit has four states and 13 x 1 elements. The global search of `eimi fit` is left out, because it does not change
-  the optimum. The local optimisation (polish) starts within 20 % of the true modulus, and the other parameters start
-  anywhere in the middle half of their ranges. All later steps are the same as in `eimi fit`: the corrections for mesh
-  and solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random
-  draws of the interval.
-- The depth effect, the difference between the solid and the planar model, is computed once for each law and nominal
-  specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
-  of the deflection, and the drawn values change the effect by a few hundredths.
-
-The intervals of a row of the table are called right under two conditions. First, 93 to 97 % of the intervals contain
-the true value; the share may be outside these limits by the statistical error that the number of experiments causes.
-Second, the intervals are at most 1.15 times as wide as 95 % coverage needs.
-
-By chance, the drawn deviations can be smaller or larger than their uncertainties say. This alone makes the share larger
-or smaller than 95 %, and the column "drawn" shows this effect. For each experiment, the error of the modulus is
-predicted: the sum of the drawn deviations, each multiplied by its effect in the budget. The column gives the share of
-experiments in which the predicted error is within 1.96 standard deviations.
+Each experiment is a simulated measurement with random errors of the inputs, and a fit that knows only the nominal
+inputs. The goal is a share of 93 to 97 %, apart from the statistical error of a share, and intervals that are at most
+1.15 times as wide as 95 % needs. The column "drawn" shows the share that the drawn errors alone would give.
 """
+
+# Each experiment is a separate virtual measurement. A source is an input with an uncertainty that the files of
+# specimen, calibration and rig can give, such as width, magnet, scale, coil, clamp, angles and zero of the current. In
+# each experiment, the true value of every source is drawn at random with the standard uncertainty of the bench
+# examples. The beam with the drawn values is simulated on 26 x 3 elements, and its edges are displaced by the drawn
+# errors of the camera. Each edge point gets noise. Half of the variance of this noise is white. The other half has an
+# exponential correlation along the edge, as blur and illumination cause. The fit knows only the nominal values and
+# their uncertainties. Every fourth beam is simulated and fitted as a three-dimensional solid.
+#
+# Two simplifications make this number of experiments affordable:
+#
+# - The fit has four states and 13 x 1 elements. The global search of `eimi fit` is left out, because it does not change
+#   the optimum. The local optimisation (polish) starts within 20 % of the true modulus, and the other parameters start
+#   anywhere in the middle half of their ranges. All later steps are the same as in `eimi fit`: the corrections for mesh
+#   and solid, the noise, the budget (the contribution of each source to the uncertainty of the modulus), and the random
+#   draws of the interval.
+# - The depth effect, the difference between the solid and the planar model, is computed once for each law and nominal
+#   specimen. The hidden beams use this effect as a function of the rotation of the tip. The effect is a few hundredths
+#   of the deflection, and the drawn values change the effect by a few hundredths.
+#
+# The intervals of a row of the table are called right under two conditions. First, 93 to 97 % of the intervals contain
+# the true value; the share may be outside these limits by the statistical error that the number of experiments causes.
+# Second, the intervals are at most 1.15 times as wide as 95 % coverage needs.
 
 from __future__ import annotations
 
@@ -45,10 +44,7 @@ from tests.shared.virtual_measurements import Case, Outcome, Row, outcome, row
 
 
 def rows(outcomes: Iterable[Outcome]) -> Iterator[Row]:
-    """Yield the rows of the table; each row has the statistics of one group of experiments.
-
-    The groups are: planar beams by law and noise, solids by law, all planar beams, all solids, and all experiments.
-    """
+    """Yield the rows of the table: statistics of a group of experiments, such as all planar beams."""
     groups: dict[str, list[Outcome]] = {}
     for o in outcomes:
         section = "solid" if o.case.is_solid else "planar"
@@ -67,7 +63,7 @@ HEADER = (
 
 
 def line(row: Row) -> str:
-    """Return a row of the table: which share of a group of intervals contains the true value, and their width."""
+    """Return a row of the table as text: the share of intervals that contain the true value, and their width."""
     low, high = row.chance_percent
     return (
         f"| {row.name} | {row.experiments} | {row.half_width_percent:.1f} | "
@@ -78,10 +74,7 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the share of intervals that contain the true value, by group of experiments.
-
-    The exit status is 1 if the share of a group is outside its limits.
-    """
+    """Print the table; exit with status 1 if the share in one of the groups is outside the limits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,28 +1,29 @@
-"""Measure how often `eimi discover` identifies the terms of hidden laws, and how often the named terms are wrong.
+"""Measure how often `eimi discover` names the terms of a simulated material's strain energy rightly or wrongly.
 
-python -m benchmarks.discover [--laws 100] [--seed 2] [--workers 2]
+python -m benchmarks.discover [--laws 100] [--seed 2] [--workers 2] [--solid] [--off 1.3]
 
-A law is a sum of terms of the strain energy. `eimi discover` chooses the terms from a library. Each hidden law has one,
-two or three terms of the library, drawn at random, and an initial shear modulus between 15 and 60 kPa. Every term
-carries at least 15 % of the stress at the end of the tensile test. The evidence for each law consists of
-
-- a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
-- a bent beam in six states (load steps), simulated on a finer mesh than the mesh of the fit, with 0.4 µm of noise on
-  its edge points. The dimensions are those of one of the specimen files type1, type2 and type3. The beam is stiffer or
-  softer than the law by a random 2 % (standard deviation), as if it came from another lot of the material than the
-  tensile test. The discovery knows this uncertainty.
-
-Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid model. ``--solid`` uses the
-solid model for both. The search for the modulus at the beginning of a discovery is left out: the discovery starts
-within 10 % of the true value.
-
-With ``--off 1.3`` the constants Jm, b and alpha in the terms of the hidden laws differ from the constants of the
-library by a factor of up to 1.3. The named and the true terms are then compared by their kinds only.
-
-The table counts the laws with each result: "right" if exactly the true terms are identified, "not identifiable" if the
-discovery reports that the evidence does not determine the terms, and "wrong" if other terms are named. There is one row
-for both kinds of evidence together, and one row for bending alone.
+Each material has one to three terms, drawn from the library of terms. The table counts the results "right", "not
+identifiable" (the program says that the data do not decide) and "wrong", once for bending and tension together and once
+for bending alone. With ``--solid`` all beams are solids. With ``--off 1.3`` the fixed numbers in the terms (Jm, b,
+alpha) differ from the library by a factor of up to 1.3.
 """
+
+# A law is a sum of terms of the strain energy. `eimi discover` chooses the terms from a library. Each hidden law has
+# one, two or three terms of the library, drawn at random, and an initial shear modulus between 15 and 60 kPa. Every
+# term carries at least 15 % of the stress at the end of the tensile test. The evidence for each law consists of
+#
+# - a tensile test to 300 % strain in 150 rows, with normal noise of 0.2 % of its largest stress;
+# - a bent beam in six states (load steps), simulated on a finer mesh than the mesh of the fit, with 0.4 µm of noise on
+#   its edge points. The dimensions are those of one of the specimen files type1, type2 and type3. The beam is stiffer
+#   or softer than the law by a random 2 % (standard deviation), as if it came from another lot of the material than the
+#   tensile test. The discovery knows this uncertainty.
+#
+# Hidden beams and fits are in plane stress, which takes a quarter of the time of the solid model. ``--solid`` uses the
+# solid model for both. The search for the modulus at the beginning of a discovery is left out: the discovery starts
+# within 10 % of the true value.
+#
+# With ``--off 1.3`` the constants Jm, b and alpha in the terms of the hidden laws differ from the constants of the
+# library by a factor of up to 1.3. The named and the true terms are then compared by their kinds only.
 
 from __future__ import annotations
 
@@ -47,24 +48,20 @@ BOTH, BENDING, TENSION = "bending and tension", "bending alone", "tension alone"
 
 @dataclass(frozen=True)
 class Case:
-    """One case of the benchmark: a hidden law, and the settings of its simulated measurements.
-
-    A discovery has to find the terms of the hidden law from these measurements.
+    """A material drawn at random, and the settings of its simulated measurements.
 
     Attributes
     ----------
     seed, number : int
-        The seed of the benchmark and the number of the case. Both together are the seed of the random values, so that
-        they determine the hidden law.
+        Seed of the benchmark and number of the material; together the seed of all random values.
     solid : bool
-        True if the beam is a solid, false if the beam is in plane stress.
+        True for a solid beam, false for a beam in plane stress.
     noise : float
-        Standard deviation of the noise of the tensile test, as a share of the largest stress.
+        Standard deviation of the tensile noise, divided by the largest stress.
     off : float
-        Largest factor by which the constants Jm, b and alpha of the hidden law differ from those of the terms that a
-        discovery can choose.
+        Largest factor between the fixed numbers (Jm, b, alpha) of the material and of the library.
     evidence
-        The kinds of evidence: the beam alone, the tensile test alone, or both. One discovery is made from each kind.
+        The kinds of data: the bent beam, the tensile test, or both.
     """
 
     seed: int
@@ -77,10 +74,9 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A hidden law, and one discovery (the search for its terms) from each kind of evidence.
+    """A simulated material, and the terms that `eimi discover` names from the bent beam, the tensile test, and both.
 
-    The kinds of evidence are the bent beam alone, the tensile test alone, and both. A discovery is None if a beam had
-    no equilibrium during the search.
+    The result for one kind of data is None if a beam had no equilibrium.
     """
 
     number: int
@@ -89,10 +85,9 @@ class Outcome:
 
 
 def outcome(case: Case) -> Outcome | None:
-    """Draw a law at random, simulate a tensile test and a bent beam with this law, and discover its terms.
+    """Draw a material, simulate its tensile test and bent beam, and search for its terms in each kind of data.
 
-    A discovery knows only the simulated measurements. The result contains the drawn law and one discovery for each
-    kind of evidence in `case`. The result is None if the beam of the drawn law has no equilibrium.
+    The result is None if the drawn beam has no equilibrium.
     """
     rng = np.random.default_rng([case.seed, case.number])
     hidden = Hidden.drawn(rng, case.off)
@@ -113,11 +108,7 @@ def outcome(case: Case) -> Outcome | None:
 
 
 def judged(discovery: Discovery | None, hidden: Hidden) -> str:
-    """Return "right" if a discovery names exactly the terms of the hidden law, and "wrong" if it names other terms.
-
-    The hidden law is the law with which the measurements were simulated. The result is "open" (not identifiable) if
-    the discovery does not identify the terms, or is None.
-    """
+    """Return "right" or "wrong" for a result of the search, or "open" if the search does not decide or failed."""
     if discovery is None or not discovery.identified:
         return "open"
     return "right" if _kinds(discovery.alternatives[0].terms) == _kinds(hidden.terms) else "wrong"
@@ -128,21 +119,13 @@ def _kinds(terms: Sequence[Term]) -> list[tuple[str, bool]]:
 
 
 def row(name: str, words: Sequence[str]) -> str:
-    """Return a row of the table in Markdown.
-
-    ``words`` has one result for each hidden law: "right", "wrong" or "open" (not identifiable). The row contains the
-    number of times that each result occurs.
-    """
+    """Return a row of a Markdown table that counts the words "right", "open" and "wrong" in ``words``."""
     counts = " | ".join(str(words.count(word)) for word in ("right", "open", "wrong"))
     return f"| {name} | {len(words)} | {counts} |"
 
 
 def main() -> int:
-    """Print a table with the numbers of right, open (not identifiable) and wrong results; return the exit status.
-
-    The status is 1 if less than 90 % of the results from bending and tension together are right, or if more than 5 % of
-    the results from bending alone are wrong. Otherwise the status is 0.
-    """
+    """Print the table; return 0 if the goals are met, else 1."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")
     parser.add_argument("--first", type=int, default=0, help="number of the first law")
@@ -180,6 +163,7 @@ def main() -> int:
                 some = [word for word, o in zip(verdicts, done, strict=True) if len(o.hidden.terms) == count]
                 print(row(f"of these, {count} term{'s' if count > 1 else ''}", some))
     both, alone = words.get(BOTH, []), words.get(BENDING, [])
+    # The goals: at least 90 % right from bending and tension together, at most 5 % wrong from bending alone.
     return 0 if both.count("right") >= 0.9 * len(both) and alone.count("wrong") <= 0.05 * len(alone) else 1
 
 

@@ -1,7 +1,4 @@
-"""Measure the error of the edges on rendered beams of known shape: ``python -m benchmarks.edges``.
-
-A beam is a circular arc with a straight magnet block at its end, so that its outline is known exactly.
-"""
+"""Measure the error of the detected edges in rendered pictures of circular arcs: ``python -m benchmarks.edges``."""
 
 from __future__ import annotations
 

@@ -1,17 +1,13 @@
-"""Serve an emulated supply in a separate process, which reports the current of the coil and simulates faults.
+"""Serve an emulated power supply in a separate process, and cause faults on request.
 
-    python -m benchmarks.emulated_supply korad pty
+    python -m benchmarks.emulated_supply DRIVER CONNECTION
 
-The first argument is the driver of the supply. The second is the kind of connection: `pty` (a pseudo-terminal in place
-of a serial port), `port` (a serial port that can be unplugged), `tcp` or `hislip`.
+CONNECTION is `pty` (a pseudo-terminal), `port` (a serial port that can be unplugged), `tcp` or `hislip`. The script
+prints the address, and a line for every change of output, set-point or true current: the time (s, monotonic clock), 1
+or 0 for the output, the set-point (A) and the true current (A).
 
-The script prints the address of the supply. It then prints a line of text for every change of the output, of the
-set-point or of the true current. The line contains four values: the time (s) on the monotonic clock, which all
-processes of a machine share; 1 if the output is on, otherwise 0; the current set-point (A); and the true current (A).
-
-A fault begins when its name, such as `shorted`, is written to the standard input of the script; ``eimi emulate
---faults`` lists the names. In this script, `slow` delays answers by 0.4 s. The script knows two more words: `contact`
-causes a bad contact that adds 6 ohm to the leads of the coil, and `none` ends all faults.
+A fault begins when its name (see ``eimi emulate --faults``) is written to the standard input. Further words are
+`contact` (6 ohm more in the leads of the coil) and `none` (all faults end). `slow` delays answers by 0.4 s.
 """
 
 from __future__ import annotations
@@ -39,15 +35,11 @@ LEAST_CHANGE_A = 0.02
 
 
 class CoilOnLeads(CoilSupply):
-    """A supply with a coil whose leads have a bad contact of resistance `contact_ohm` (ohm).
-
-    The measured voltage includes the voltage across the contact.
-    """
+    """A supply whose coil leads have the additional resistance `contact_ohm` (ohm)."""
 
     contact_ohm = 0.0
 
     def read(self) -> Reading:
-        """Return the values that the meters of the supply show."""
         measured = super().read()
         return replace(measured, voltage_V=measured.voltage_V + self.contact_ohm * measured.current_A)
 
@@ -78,7 +70,7 @@ def main() -> None:
 
 
 def _write_line(words: str) -> None:
-    """Write a line and its line break at once; with `print`, the lines of two threads could mix."""
+    """Write a whole line at once, so that lines of two threads cannot mix."""
     sys.stdout.write(f"{words}\n")
     sys.stdout.flush()
 

@@ -1,10 +1,7 @@
-"""Model the magnet-tipped beam in FElupe (Dutzler, github.com/adtzlr/felupe) with its most suitable elements.
+"""Model a beam with a magnet at the tip in FElupe, another finite element program (github.com/adtzlr/felupe).
 
-FElupe assembles the forces and tangents of the flexible part. FElupe has no rigid magnet, so that this module adds it,
-as in `eimi_fitting`: all points at the end of the flexible part move with the magnet, which has three unknowns, two
-translations and a rotation. The nonlinear equations are solved by the ordinary Newton method. Each state starts from
-the solution of the previous state; with a polynomial extrapolation from several states, the method diverges. If a state
-does not converge, the step of the field is halved.
+This module adds the rigid magnet, which has three unknowns: two translations and a rotation. The equations are solved
+by Newton's method.
 """
 
 from __future__ import annotations
@@ -35,12 +32,11 @@ class Elements:
     Attributes
     ----------
     kind : {"bilinear", "serendipity"}
-        "bilinear" has mean dilatation (`SolidBodyNearlyIncompressible`, which FElupe's documentation recommends).
-        "serendipity" has eight nodes and 2 x 2 Gauss points.
+        Four nodes and mean dilatation, or eight nodes and 2 x 2 Gauss points.
     along, across : int
         Numbers of elements along and across the beam.
     graded : bool
-        True if the elements are finer near the clamp and near the magnet, as in `eimi_fitting`.
+        Whether the elements are finer near the clamp and the magnet.
     """
 
     kind: str
@@ -56,20 +52,20 @@ class Elements:
 
 @dataclass(frozen=True)
 class Curve:
-    """The positions (x, y) of the tip in K states (mm), shape (K, 2), and the total number of Newton iterations."""
+    """Tip positions (x, y) in K fields (mm), shape (K, 2), and the total number of Newton iterations."""
 
     tip: Array
     iterations: int
 
 
 class NoEquilibrium(Exception):
-    """Report that Newton's method cannot solve the beam in a field, even with halved load steps."""
+    """Newton's method finds no equilibrium of the beam in a field."""
 
 
 def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDArray[np.intp]]:
-    """Return the N nodes of a beam's mesh, mm, shape (N, 2), and the node numbers of each element in FElupe's order.
+    """Return the N nodes of the mesh, mm, shape (N, 2), and the node numbers of each element in FElupe's order.
 
-    `length` and `width` are the dimensions of the flexible part, mm.
+    `length` and `width` of the flexible part are in mm.
     """
     finer = (10.0, 5.0) if elements.graded else (0.0, 0.0)
     x = graded(length, elements.along, 0.5 * width, *finer)
@@ -81,10 +77,7 @@ def _points(elements: Elements, length: float, width: float) -> tuple[Array, NDA
 
 
 def _material(law: str, parameters: Array) -> tuple[Any, float]:
-    """Return the isochoric material (moduli in MPa) by which FElupe models a law, and its initial shear modulus (MPa).
-
-    Raises ValueError for a law other than "neo-hookean" and "ogden".
-    """
+    """Return the deviatoric material of a law in FElupe (moduli in MPa), and the initial shear modulus (MPa)."""
     if law == "neo-hookean":
         return felupe.NeoHooke(mu=parameters[0]), float(parameters[0])
     if law == "ogden":  # FElupe's moduli are mu_p alpha_p / 2
@@ -94,10 +87,7 @@ def _material(law: str, parameters: Array) -> tuple[Any, float]:
 
 
 class Beam:
-    """A beam of one material with a magnet at the tip, modelled in FElupe.
-
-    Gravity acts along the beam, and the field (mT) across the beam.
-    """
+    """A beam with a magnet at the tip in FElupe, with gravity along the beam and the field (mT) across the beam."""
 
     def __init__(self, specimen: Specimen, elements: Elements, law: str, parameters_MPa: Array) -> None:
         magnet = specimen.magnet
@@ -140,10 +130,9 @@ class Beam:
         self.selection = sparse.csr_matrix((np.ones(self.n), (dofs, np.arange(self.n))), shape=shape)
 
     def _place(self, x: Array) -> Array:
-        """Return the displacements of the N nodes in mm, (N, 2), for given unknowns ``x`` of Newton's method.
+        """Return the displacements of all N nodes in mm, (N, 2).
 
-        The unknowns are the displacements of the free nodes, then two translations (mm) and the rotation (rad) of the
-        magnet. The nodes at the clamp do not move, and the nodes at the magnet move with it.
+        ``x``: displacements of the free nodes (mm), then two translations (mm) and the rotation (rad) of the magnet.
         """
         displacement = np.zeros((self.count, 2))
         displacement[self.free] = x[: self.n].reshape(-1, 2)
@@ -152,7 +141,7 @@ class Beam:
         return displacement
 
     def _step(self, x: Array, field_mT: float) -> Array:
-        """Return the change of the unknowns ``x`` in one step of Newton's method, in a magnetic field (mT)."""
+        """Return the change of the unknowns ``x`` in one Newton step."""
         self.field[0].values[:] = self._place(x)
         out_of_balance = self.weight - self.body.assemble.vector(self.field).toarray().ravel()
         stiffness = self.body.assemble.matrix()
@@ -178,11 +167,7 @@ class Beam:
         return np.asarray(spsolve((tie.T @ stiffness @ tie).tocsc() + added, right))
 
     def _equilibrium(self, x: Array, field_mT: float, tolerance_mm: float) -> tuple[Array | None, int]:
-        """Return the unknowns at the solution, and the number of Newton iterations that were made.
-
-        The iteration starts at ``x`` and ends at a step below ``tolerance_mm``. The unknowns are None if the iteration
-        does not converge.
-        """
+        """Return the unknowns in equilibrium, or None without convergence, and the number of Newton iterations."""
         for iteration in range(_MOST_ITERATIONS):
             step = self._step(x, field_mT)
             largest = np.abs(step).max()
@@ -194,10 +179,9 @@ class Beam:
         return None, _MOST_ITERATIONS
 
     def curve(self, fields_mT: Array, tolerance_mm: float) -> Curve:
-        """Return the positions of the tip in the K fields `fields_mT`, shape (K,), one state for each field.
+        """Return the tip positions in K fields, solved in the given order.
 
-        The states are solved in the given order. The Newton iteration of a state ends at a step below `tolerance_mm`.
-        Raises NoEquilibrium if a state cannot be solved.
+        A Newton iteration ends at a step below `tolerance_mm`. Raises NoEquilibrium.
         """
         x, before, spent, tips = np.zeros(self.n + 3), 0.0, 0, []
         for target in fields_mT:

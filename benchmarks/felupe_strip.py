@@ -1,11 +1,10 @@
-"""Compare FElupe (github.com/adtzlr/felupe) with `eimi_fitting` on a cantilever that is bent and tapered at rest.
+"""Compare the tip displacement of a cantilever, bent and tapered at rest, in FElupe and in `eimi_fitting`.
 
 python -m benchmarks.felupe_strip
 
-The cantilever is 30 mm long, 3 mm wide and 5 mm deep. It is in plane strain and has a Neo-Hookean material with a shear
-modulus of 46 kPa. It is cast with a bend of 3 mm, and is 1 mm narrower at the tip than at the clamp. A force of 2 mN
-acts at the tip. The elements of FElupe are bilinear with mean dilatation. The script prints the displacement of the
-middle of the tip in mm.
+The cantilever is 30 mm long, 3 mm wide (1 mm narrower at the tip) and 5 mm deep, cast with a bend of 3 mm, and loaded
+by a tip force of 2 mN (plane strain, Neo-Hookean, 46 kPa). FElupe (github.com/adtzlr/felupe) is another finite element
+program.
 """
 
 from __future__ import annotations
@@ -28,10 +27,7 @@ SPECIMEN = with_modes(Specimen(30.0, 3.0, 5.0, 0.0, "plane-strain"), (3.0, 0.5),
 
 
 def ours(along: int, across: int) -> Array:
-    """Return the displacement (x, y) of the tip in mm, shape (2,), computed by `eimi_fitting`.
-
-    The mesh has `along` x `across` quadratic elements.
-    """
+    """Return the tip displacement (x, y) in mm by `eimi_fitting` with `along` x `across` quadratic elements."""
     model = BeamModel(SPECIMEN, along, across)
     force_N = FORCE_N * np.arange(1, 5) / 4
     loads = Loads.along(np.zeros(4), 90.0, None, tip_force_N=force_N, tip_force_angle_deg=90.0)
@@ -40,10 +36,7 @@ def ours(along: int, across: int) -> Array:
 
 
 def felupes(along: int, across: int) -> Array:
-    """Return the displacement (x, y) of the tip in mm, shape (2,), computed by FElupe.
-
-    The mesh has `along` x `across` bilinear elements.
-    """
+    """Return the tip displacement (x, y) in mm by FElupe with `along` x `across` bilinear elements."""
     half = 0.5 * SPECIMEN.width_mm
     straight = felupe.Rectangle(a=(0, -half), b=(SPECIMEN.length_mm, half), n=(along + 1, across + 1))
     tip = int(np.argmin(np.linalg.norm(straight.points - [SPECIMEN.length_mm, 0], axis=1)))
@@ -64,7 +57,7 @@ def felupes(along: int, across: int) -> Array:
 
 
 def main() -> None:
-    """Print the displacements of the tip by `eimi_fitting` and by FElupe, each on two meshes."""
+    """Print the tip displacements (mm) by both programs on two meshes."""
     for name, model, meshes in (("eimi_fitting", ours, ((13, 1), (26, 3))), ("FElupe", felupes, ((60, 6), (120, 12)))):
         for along, across in meshes:
             x, y = model(along, across)

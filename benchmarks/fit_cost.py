@@ -1,8 +1,6 @@
-"""Measure time and memory of `eimi fit`, and the growth of both with the number of states (load steps).
+"""Measure time and memory of `eimi fit` for simulated measurements, and their growth with the number of load steps.
 
-The script also measures the size of the data that a worker process receives. The specimen and the calibration of the
-virtual rig are shipped files. The edges are simulated from a Neo-Hookean solid, with normal noise of 2 µm. Each fit
-runs in a separate process. The operating system reports the processor time and the largest memory of this process.
+The script also prints the size of the data that a worker process receives.
 """
 
 from __future__ import annotations
@@ -50,7 +48,7 @@ POINTS, POINT_STATES = 60, (16, 64, 256)
 
 
 def dataset(path: Path, states: int) -> Path:
-    """Write a dataset with `states` states, with edges and with placeholder frames; return the path of the dataset."""
+    """Write a dataset with edges in `states` load steps; return its path."""
     specimen, calibration = load_specimen("type1"), load_rig("virtual").calibration
     frame = BeamFrame(calibration)
     current_A = np.linspace(0.0, LARGEST_A, states)
@@ -74,7 +72,7 @@ def dataset(path: Path, states: int) -> Path:
 
 
 def spent(*arguments: str) -> tuple[float, float]:
-    """Run `eimi` with `arguments` in a separate process; return the processor time (s) and the largest memory (MB)."""
+    """Run `eimi` in a separate process; return the processor time (s) and the largest memory (MB)."""
     command = [sys.executable, "-c", _STARTED, sys.executable, "-m", "eimi_lab", *arguments]
     alone = os.environ | dict.fromkeys(THREADS, "1")
     run = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
@@ -85,8 +83,7 @@ def spent(*arguments: str) -> tuple[float, float]:
 def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) -> tuple[float, float]:
     """Return the shortest processor time (s) and the largest memory (MB) of several runs of `eimi fit`.
 
-    Each run fits all `laws` to the dataset `path`. `section` is the model of the beam, such as "plane-stress" or
-    "solid", and `repeats` is the number of runs.
+    `section` is the kind of beam model, such as "plane-stress" or "solid".
     """
     models = [word for law in laws for word in ("--model", law)]
     fit = ("fit", str(path), "--force", "--section", section, "-o", str(path.with_suffix(".json")), *models)
@@ -95,17 +92,14 @@ def fit_cost(path: Path, section: str, laws: tuple[str, ...], repeats: int = 1) 
 
 
 def task_kB(path: Path, section: str) -> float:
-    """Return the amount of data (kB) that is sent to a worker process for one fit: the function and its arguments.
-
-    The fit belongs to the dataset `path`. `section` is the model of the beam, such as "plane-stress" or "solid".
-    """
+    """Return how much data (kB) a worker process receives for one fit."""
     evidence = load_evidence(path, section=section)
     task = {"model": "ogden", "experiments": [evidence.experiment], "seed": 1}
     return len(pickle.dumps((identify, task))) / 1e3
 
 
 def points_ms(states: int) -> float:
-    """Return the time (ms) of a comparison of eight simulated beams with points on a beam in `states` load steps."""
+    """Return the time (ms) to compare eight simulated beams with measured points in `states` load steps."""
     model = BeamModel(replace(load_specimen("type1").mechanics(), section="plane-stress"))
     ends = (1.0, model.specimen.length_mm - 1.0)
     rest = np.column_stack([np.linspace(*ends, POINTS), np.zeros(POINTS)])
@@ -117,7 +111,7 @@ def points_ms(states: int) -> float:
 
 
 def main() -> None:
-    """Print tables of time (s) and memory (MB) of `eimi fit`, by law, section (beam model) and number of states."""
+    """Print tables of time (s) and memory (MB) of `eimi fit`."""
     with tempfile.TemporaryDirectory(prefix="fit_cost") as folder:
         paths = {states: dataset(Path(folder) / f"{states}.h5", states) for states in STATES}
         few = paths[STATES[0]]

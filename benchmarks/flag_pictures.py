@@ -1,7 +1,6 @@
-"""Draw a rendered picture for every flag, a warning about the edges: ``python -m benchmarks.flag_pictures FILE.jpg``.
+"""Draw one rendered picture for each warning (flag) about edges: ``python -m benchmarks.flag_pictures FILE.jpg``.
 
-The script also prints the table of flags in docs/why/edges.md. The flags NOT_SETTLED, DROPPED and DUPLICATE concern
-several frames of a state, which is one load step. For these flags the picture is the mean of the frames.
+The script also prints the table of flags in docs/why/edges.md.
 """
 
 from __future__ import annotations

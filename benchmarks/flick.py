@@ -1,21 +1,15 @@
-"""Measure fits of videos as a phone records them: a level strip with a hidden viscoelastic (Prony) law is flicked.
+"""Measure the error of the dynamic modulus from rendered phone videos of a flicked strip.
 
     python -m benchmarks.flick [--scenes 20] [--first 0] [--share 1] [--difficulties] [-o FOLDER]
     python -m benchmarks.flick --film flick.mp4 [--seconds 2.4]
 
-Each scene is a rendered video with the perspective, tilt, rolling shutter, exposure, noise and compression of a phone
-(`tests.shared.phone_films`). The video is imported with three clicks on the strip and fitted as in the tutorial "A
-modulus without a magnet: flick a strip".
-
-The table gives the error of the dynamic modulus, the half-width of its 95 % interval, and whether the interval contains
-the hidden modulus. The dimensions and the density that a person would type have random errors, and they cause a part of
-the error of the modulus; the column "of sizes" gives this part. The goal is that every error is below 5 %.
+The table shows the error of the modulus, the half-width of its 95 % interval, whether the interval contains the true
+modulus, and the error due to the typed dimensions ("of sizes"). The goal is that every error is below 5 %.
 
 --first         The seed of the first scene.
 --share         The size of the frames, as a share of 1280 x 720 px.
---difficulties  One scene is filmed several times, each time with one difficulty of a recording by hand, such as a phone
-                that is held in the hand instead of standing on a support.
---film          Only the video of the first scene is written, for the tutorial; --seconds sets its duration.
+--difficulties  Film one scene several times, each time with one difficulty, such as a phone that is held in the hand.
+--film          Only write the video of the first scene, --seconds long.
 """
 
 from __future__ import annotations
@@ -47,21 +41,21 @@ class Outcome:
     Attributes
     ----------
     hidden_Pa, fitted_Pa : float
-        The hidden and the fitted dynamic shear modulus, Pa.
+        True and fitted dynamic shear modulus, Pa.
     interval_95 : tuple of float
-        The 95 % interval of the fitted modulus, Pa.
+        95 % interval of the fitted modulus, Pa.
     frequency_error_percent : float
-        The error of the fitted frequency, per cent.
+        Error of the frequency, %.
     hidden_loss, fitted_loss : float
-        The hidden and the fitted loss factor.
+        True and fitted loss factor.
     flicks, frames : int
-        The numbers of detected flicks and of frames.
+        Numbers of detected flicks and of frames.
     import_s, fit_s : float
-        The processor times of the import and of the fit, s.
+        Processor times of the import and of the fit, s.
     messages : str
-        The messages of the import.
+        Messages of the import.
     doubts : tuple of str
-        The doubts (warnings about the result) that the fit reports.
+        Warnings of the fit.
     """
 
     hidden_Pa: float
@@ -104,9 +98,9 @@ HEAD = (
 
 
 def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outcome:
-    """Render one video into a folder, and fit the strip in this video.
+    """Render one video into a folder, and fit the strip.
 
-    `rate` is the frame rate (Hz) that the user gives; None means the frame rate in the video file.
+    `rate` is the frame rate (Hz) that the user types; None for the rate in the video file.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([film.seed, 5])
@@ -150,10 +144,9 @@ def outcome(film: PhoneFilm, folder: Path, *, rate: float | None = None) -> Outc
 
 
 def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None]]:
-    """Yield several recordings of one flicked strip; each has one difficulty, such as a phone that is held by hand.
+    """Yield recordings of one strip with one difficulty each: its name, the recording, and the typed frame rate (Hz).
 
-    Each element consists of a name, the recording, and the frame rate (Hz) that the user gives when the program reads
-    the video. None means the frame rate in the video file.
+    The frame rate is None if the rate in the video file is used.
     """
     base = replace(film, rate_Hz=240.0, row_time_s=0.6 / 240.0 / film.scene.size[1])
     size = film.flicks_mm[0]
@@ -177,10 +170,7 @@ def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None
 
 
 def main() -> None:
-    """Fit the video of each scene (a strip and a camera, drawn at random), and print a table with one row for each.
-
-    The last line counts the errors below 5 %, which is the goal, and the intervals that contain the hidden modulus.
-    """
+    """Fit the videos, print a table with one row for each video, and count the results that meet the goals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

@@ -1,15 +1,10 @@
-"""Read mutated files: each file must be read completely or refused with a message of one line.
+"""Read randomly changed files: every file must be read completely or refused with one line.
 
-    python -m benchmarks.fuzz_files --files 2000
+    python -m benchmarks.fuzz_files --files 2000 [--recover]
 
-Bits, bytes, blocks or lengths of files are changed at random. The files are datasets (finished datasets, and datasets
-as a crash leaves them), TOML files, fits.json, tensile curves and images. Every file is read by the functions that the
-commands of eimi-lab use, and the outcomes are counted. One process reads many files. A process that dies, or that takes
-more than 10 s of processor time for a file, is counted and replaced.
-
-With --recover, only datasets are mutated. A separate process then recovers each dataset in the way and with the limits
-of memory and time of the command `eimi recover`. A process that dies or exceeds the time limit is then not a fault,
-because `eimi recover` reports this in one line.
+The files are datasets, TOML files, fits.json, tensile curves and images. A process that dies, or that needs more than
+10 s of processor time for a file, counts as a fault. With --recover, damaged datasets are recovered as by `eimi
+recover`, and such a process is not a fault.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
-"""Generate mistakes in randomly drawn lines of the code.
+"""Make small random mistakes in randomly drawn lines of the code.
 
-The mistakes are random, so that nobody who knows the tests chooses them. A mistake changes one place of the syntax
-tree: an operator, a comparison, a condition, a number, two arguments, a name, or a whole statement. All lines that can
-be changed are drawn with equal probability. For each drawn line, one of the possible changes of this line is drawn.
-Texts, annotations and imports are never changed.
+A mistake changes an operator, a comparison, a condition, a number, two arguments, a name, or a whole statement.
 """
 
 from __future__ import annotations
@@ -43,18 +40,16 @@ _SYMMETRIC = ("max", "min", "math.hypot", "np.hypot", "np.maximum", "np.minimum"
 
 @dataclass(frozen=True)
 class Change:
-    """A mistake that the generator can make: a change of one place in a source file.
+    """A mistake that can be made: a change of one place in a source file.
 
     Attributes
     ----------
-    line, column : int
-        The beginning of the old text: the line, counted from 1, and the byte in this line, counted from 0.
-    end_line, end_column : int
-        The end of the old text, counted in the same way.
+    line, column, end_line, end_column : int
+        Beginning and end of the old text (lines from 1, bytes in the line from 0).
     new : str
         The new text.
     says : str
-        A description of the change.
+        Description of the change.
     """
 
     line: int
@@ -66,22 +61,19 @@ class Change:
 
 
 def room_of(file: str) -> str:
-    """Return the name of the package that contains a file, such as "acquisition", "supplies" or "inference"."""
+    """Return the name of the package that contains a file, such as "acquisition"."""
     parts = Path(file).parts
     start = 1 if parts[0] == "eimi_lab" else 2
     return parts[start] if len(parts) > start + 1 else parts[start - 1]
 
 
 def asked_room(file: str, rooms: Sequence[str]) -> str | None:
-    """Return the first name in `rooms` that is a package or a folder with the file in it, or None if there is none.
-
-    Examples of names are the package "acquisition" and the folder "drivers".
-    """
+    """Return the first of the packages or folders `rooms` that contains the file; None if none of them does."""
     return next((room for room in rooms if room == room_of(file) or room in Path(file).parts[:-1]), None)
 
 
 def changes(text: str) -> list[Change]:
-    """Return every change that the generator of mistakes can make in the text of a source file."""
+    """Return all mistakes that can be made in the text of a source file."""
     tree = ast.parse(text)
     skipped = _skipped(tree)
     possible = [
@@ -91,12 +83,7 @@ def changes(text: str) -> list[Change]:
 
 
 def _skipped(tree: ast.AST) -> set[int]:
-    """Return the nodes of the syntax tree in which no mistake is made, as a set of their identities (`id`).
-
-    These nodes, with everything inside them, are imports, decorators, f-strings, assertions, the argument `strict` of
-    the function zip, the declarations of command-line options, and everything that only a type checker uses:
-    annotations, type variables, overloads, and blocks that do not run.
-    """
+    """Return the identities (`id`) of the syntax tree's nodes in which no mistake is made, such as imports."""
     roots: list[ast.AST] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.AnnAssign):
@@ -117,10 +104,9 @@ def _skipped(tree: ast.AST) -> set[int]:
 
 
 def _walked(node: ast.AST, names: Mapping[str, int]) -> Iterator[tuple[ast.AST, Mapping[str, int]]]:
-    """Yield `node` and all nodes below it in the syntax tree, each with the names of variables at this place.
+    """Yield all nodes of a syntax tree, each with the local names that are already set there.
 
-    The names are the parameters and the local names of the function around the node. The value of a name is the number
-    of the line that first sets it, or 0 for a parameter. A name may be replaced only by a name that is already set.
+    The names are mapped to the line that sets them first (0 for a parameter).
     """
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         first: dict[str, int] = {a.arg: 0 for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
@@ -191,11 +177,7 @@ def _replaced(node: ast.expr | ast.stmt, new: str, says: str) -> Change:
 
 
 def _between(text: str, left: ast.expr, right: ast.expr, old: str, new: str) -> Iterator[Change]:
-    """Yield one change: the operator `old` between two operands becomes the operator `new`.
-
-    `left` and `right` are the operands, between which the operator is searched in the text. Nothing is yielded if `old`
-    occurs more than once there, or if the operands are on different lines.
-    """
+    """Yield the replacement of the operator `old` between two operands by `new`, if `old` occurs there exactly once."""
     (line, column), (end_line, end_column) = _end(left), _start(right)
     if line != end_line:
         return
@@ -224,11 +206,9 @@ def compiles(text: str) -> bool:
 
 
 def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
-    """Return the same whole lines of a file before a change and after it, as two texts.
+    """Return the changed lines before and after a change, with enough lines around them to occur only once.
 
-    The lines are the changed lines and as many lines around them as are needed for the first text to occur only once in
-    the file. The first text can thus be found and replaced by the second. `text` is the whole file before the change,
-    and `other` the whole file after it.
+    `text` is the whole file before the change, `other` the whole file after the change.
     """
     before, after = text.splitlines(keepends=True), other.splitlines(keepends=True)
     grown = len(after) - len(before)
@@ -239,24 +219,18 @@ def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
 
 
 def sampled(project: Path, number: int, seed: int, rooms: Sequence[str] = ()) -> list[tuple[str, Change]]:
-    """Draw lines of the code at random, each at most once; for each drawn line, draw a mistake that changes this line.
+    """Draw lines of the code at random, and one mistake for each line; return pairs (file, mistake).
 
     Parameters
     ----------
     project
-        The top folder.
+        Top folder of the code.
     number
-        Number of lines to draw. If fewer lines can be changed, all these lines are drawn.
+        Number of lines.
     seed
-        Seed of the draw. The same seed and the same code give the same sample.
+        Seed of the draw.
     rooms
-        Names of packages or folders, such as "acquisition", "drivers" or "interval", from which the lines are drawn; by
-        default all packages.
-
-    Returns
-    -------
-    list of (str, Change)
-        For each drawn line: the path of its file relative to ``project``, and the drawn mistake.
+        Packages or folders from which lines are drawn; empty for all packages.
     """
     generator = random.Random(seed)
     lines: dict[tuple[str, int], list[Change]] = {}

@@ -1,11 +1,9 @@
-"""Fit simulated solids in plane strain, in plane stress and as solids, and compare measured and predicted biases.
+"""Measure the error of the modulus if a simulated solid beam is fitted in plane strain, in plane stress and as a solid.
 
 python -m benchmarks.hidden_solids [--short] [--solid] [NAME...]
 
-The bias is the error of the identified modulus that the assumption of plane strain or plane stress causes. It is
-measured here by fits of solids with a known modulus. `eimi_fitting` can also predict it for a specimen, without a
-measurement (`expected_bias`). The solids are simulated on a finer mesh than the mesh of the fits. The fits do not know
-the parameters of the simulation.
+The error is compared with the prediction of `eimi_fitting` (`expected_bias`). NAME selects specimens. --short fits only
+one specimen, and --solid only the solid model.
 """
 
 from __future__ import annotations
@@ -48,10 +46,7 @@ SPECIMENS = {
 
 
 def noisy_edges(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeObservation:
-    """Simulate a solid, and return its edges in every state with normal noise of the standard deviation `sigma_mm`.
-
-    `law` is the name of the law of the solid. Its parameters are constants of the module, which the fit does not know.
-    """
+    """Simulate a solid beam; return its edges with normal noise of the standard deviation `sigma_mm`."""
     model = SolidBeside(specimen, *MESH)
     shapes = model.solve(LAWS[law], np.array([HIDDEN[law]]), LOADS, tolerance_mm=1e-3)
     curves = points_on(outline(model, shapes)[0], 2)[:, :, 4:-2]
@@ -62,12 +57,7 @@ def noisy_edges(specimen: Specimen, law: str, sigma_mm: float = 0.001) -> EdgeOb
 
 
 def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: float) -> str:
-    """Fit a law to the edges of a simulated solid, and return a text with the result.
-
-    The text gives the bias of the modulus and its 95 % interval (%). The text also gives the error of the edges (µm):
-    the root mean square in each state, averaged over the states. If the solid model corrected a planar fit, the change
-    of the modulus by this correction (%) follows. `true_Pa` is the true modulus, Pa.
-    """
+    """Fit a law to simulated edges; return a text with the errors of the modulus (%) and of the edges (µm)."""
     flat = BeamModel(specimen, plane=specimen.planar_section).refined()
     fit = identify(law, [Experiment(flat, LOADS, observed)])
     modulus = fit.initial_shear_modulus
@@ -78,11 +68,7 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print the error of the identified modulus for every specimen, law of the simulation and section of the fit.
-
-    Each combination has one row. The section is the model of the cross-section: plane strain, plane stress or solid.
-    With --short only one specimen is fitted, and with --solid all fits use the solid model.
-    """
+    """Print the error of the modulus for each specimen, material and kind of fit."""
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]

@@ -1,30 +1,20 @@
-"""Measure the error of the modulus if one property of the bench differs from its files.
+"""Measure the error of the modulus if one property of a simulated bench differs from its files.
 
 python -m benchmarks.imperfect_rigs [--seeds N] [--short] [--both] [--measured] [--rendered] [--planar] [CAUSE...]
     [--first SEED] [--keep FOLDER] [--record FILE]
 
-Such a property is an imperfection of the bench, for example a tilted camera. A bench with one imperfection (or two) is
-simulated, and its beam is fitted as if the files were right. A fit also compares possible causes of its residuals and
-gives a probability to each of them (in `fits.json`). The benchmark measures the error of the modulus, and whether the
-imperfection is found as the most probable cause. CAUSE is the name of an imperfection, which is also the name of the
-cause in `fits.json`. By default all imperfections are simulated.
+Such a property is an imperfection, for example a tilted camera; CAUSE selects imperfections by name. Two lines are
+printed for each fit: the error of the modulus with its 95 % intervals, and the rank of the true cause among the causes
+that the fit compares. The last lines count the ranks.
 
-The beam of the bench example is simulated in eight fields up to 7.05 mT, as a Neo-Hookean solid on a finer mesh than
-the mesh of the fit. The edges have white noise.
-
-Two fits are made for each imperfection and seed of the noise. The first assumes the straight shape in the specimen
-file. The second uses the rest shape (the shape without load), which is measured in the edges. Two lines are printed for
-each fit. The first line gives the error of the modulus with a 95 % interval from noise and mesh, and says whether the
-95 % interval from all uncertainties in the files contains the true modulus. The second line gives the rank of the true
-cause among the compared causes. The last lines of the output count the ranks.
-
---seeds     The number of seeds (by default 5); --short uses one seed, and --first sets the first seed.
---both      13 fields of both polarities, which increase and decrease, replace the eight fields.
---measured  Only the fits with the measured rest shape are made.
---rendered  A picture of each state is rendered, and the edges are found in the picture.
---planar    The true beam and the beam of the fit are in plane stress, which takes a fifth of the time.
---keep      The shapes of the true beams are kept in a folder, and read from it in later runs.
---record    One line of JSON is appended to a file for each fit; `benchmarks.ranked_causes` makes a table of the file.
+--seeds     The number of seeds of the noise (by default 5); --short uses one seed.
+--first     The first seed.
+--both      Use 13 fields of both polarities, increasing and decreasing.
+--measured  Make only the fits with the measured shape at rest, and none with the straight shape of the file.
+--rendered  Find the edges in rendered pictures.
+--planar    Use plane stress for the true beam and the fit, which takes a fifth of the time.
+--keep      Keep the shapes of the true beams in a folder for later runs.
+--record    Append a line of JSON for each fit to a file for `benchmarks.ranked_causes`.
 """
 
 from __future__ import annotations
@@ -67,22 +57,22 @@ STATED = load_specimen("bench_example")
 
 @dataclass(frozen=True)
 class Imperfection:
-    """One property of a bench that differs from the files of the bench.
+    """One property of a bench that differs from its files.
 
     Attributes
     ----------
     cause : str
-        The name of the imperfection, as in the list of possible causes in `fits.json`; "none" for the perfect rig.
+        Name, as in `fits.json`; "none" for a perfect bench.
     words : str
-        The size of the imperfection, in words.
+        Size of the imperfection, in words.
     specimen : callable
-        Returns the true specimen, from the specimen in the file.
+        Returns the true specimen for the specimen in the file.
     loads : callable
-        Returns the true loads, from the loads in the files.
+        Returns the true loads for the loads in the files.
     picture : callable
-        Maps true positions (..., 2) in mm to the positions in mm at which the camera shows them.
+        Maps true positions (..., 2), mm, to the positions that the camera shows, mm.
     is_clamp_seen : bool
-        True if `picture` also changes the position of the clamp in the picture.
+        Whether `picture` also moves the clamp.
     """
 
     cause: str
@@ -99,11 +89,7 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads with a field that is not uniform: the field of one current loop.
-
-    The loads state the field at one place of the beam. The centre of the loop is at this place, and the field is
-    strongest there. At a distance of 15 mm the field is 2 % lower.
-    """
+    """Return the loads in the field of one current loop, which is strongest at the stated place of the beam."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
@@ -111,8 +97,7 @@ def _loop(loads: Loads) -> Loads:
 def _softer(loads: Loads, stiffness: Array) -> Loads:
     """Return the loads under which the unchanged beam bends as far as a softer beam under ``loads``.
 
-    ``stiffness``, shape (K,), contains the stiffness of the softer beam in each of K states, divided by the stiffness
-    of the unchanged beam. For example, creep makes a beam softer.
+    ``stiffness``, shape (K,): stiffness of the softer beam in K states, divided by that of the unchanged beam.
     """
     field_T, gravity = (load / stiffness[:, None] for load in (loads.field_T, loads.gravity))
     return replace(loads, field_T=field_T, gravity=gravity)
@@ -182,7 +167,7 @@ IMPERFECTIONS = (
 
 
 def together(first: Imperfection, second: Imperfection) -> Imperfection:
-    """Return the imperfection of a bench that has both imperfections."""
+    """Return an imperfection that combines two imperfections."""
     return Imperfection(
         f"{first.cause}+{second.cause}",
         f"{first.words}; {second.words}",
@@ -208,23 +193,16 @@ PAIRS = tuple(
 
 
 def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> tuple[Array, Array]:
-    """Return the edges of the true beam and the corners of its magnet at the positions that the camera shows.
+    """Return the edges of the true beam and the corners of its magnet, as the camera shows them.
 
-    Parameters
-    ----------
-    imperfection : Imperfection
-        The property of the bench that differs from the files.
-    field_mT : ndarray, shape (K,)
-        Field in each of the K states (load steps), mT.
-    planar : bool
-        True if the beam is in plane stress, false if the beam is a solid.
+    field_mT: K fields, mT. planar: plane stress if true, else a solid.
 
     Returns
     -------
     edges : ndarray, shape (K, 2, m, 2)
-        Coordinates (x, y) in mm of m points on the left and on the right edge.
+        x and y (mm) of m points on the left and the right edge.
     corners : ndarray, shape (K, 4, 2)
-        Coordinates (x, y) in mm of the four corners of the magnet.
+        x and y (mm) of the corners.
     """
     specimen = imperfection.specimen(stated_specimen(planar))
     model = BeamModel(specimen, *MESH[:2]) if planar else SolidBeside(specimen, *MESH)
@@ -236,34 +214,23 @@ def bent(imperfection: Imperfection, field_mT: Array, planar: bool = False) -> t
 
 
 def stated_specimen(planar: bool) -> Specimen:
-    """Return the specimen with the values of its file, in plane stress if `planar` is true, else as a solid."""
+    """Return the specimen of the file, in plane stress if `planar` is true, else as a solid."""
     specimen = STATED.mechanics()
     return replace(specimen, section="plane-stress") if planar else specimen
 
 
 def outlines(imperfection: Imperfection, field_mT: Array) -> Array:
-    """Return the edges of the true beam in K fields (mT), at the positions at which the camera shows them.
+    """Return the edges (mm) that the camera shows in K fields, without the points next to the clamp and the tip.
 
-    The beam has the given imperfection. If the camera is tilted, for example, the positions in the picture differ from
-    the true positions. The points next to the clamp and to the tip are left out. The result has the shape (K, 2, m, 2):
-    K fields, left and right edge, m points, and x and y in mm.
+    The shape (K, 2, m, 2) means: K fields, left and right edge, m points, x and y.
     """
     return bent(imperfection, field_mT)[0][:, :, 8:-2]
 
 
 def measured(edges: Array, field_mT: Array, seed: int, planar: bool = False) -> Experiment:
-    """Add noise to simulated edges, and return the experiment, which contains all inputs of a fit.
+    """Add noise to simulated edges (mm), shape (K, 2, m, 2), in K fields (mT); return all inputs of a fit.
 
-    Parameters
-    ----------
-    edges : ndarray, shape (K, 2, m, 2)
-        x and y in mm of m points on the left and the right edge in K states.
-    field_mT : ndarray, shape (K,)
-        Field in each of the K states, mT.
-    seed : int
-        Seed of the noise.
-    planar : bool
-        True if the fit assumes plane stress, false if the fit uses the solid model.
+    The fit assumes plane stress if `planar` is true, else a solid.
     """
     noisy = edges + NOISE_MM * np.random.default_rng(seed).normal(size=edges.shape)
     sigma = np.full(edges.shape[2], NOISE_MM)
@@ -278,11 +245,7 @@ def _experiment(observed: EdgeObservation, field_mT: Array, planar: bool) -> Exp
 
 
 def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path | None) -> tuple[Array, Array]:
-    """Return the result of `bent`: the true edges and the corners of the magnet as the camera shows them.
-
-    If a file in ``folder`` has the result of an earlier run, it is read; otherwise the result is computed and written
-    to such a file. With ``folder`` = None, the result is always computed.
-    """
+    """Return the result of `bent`, from a file in ``folder`` if an earlier run wrote this file."""
     if folder is None:
         return bent(imperfection, field_mT, planar)
     key = hashlib.sha256(repr((imperfection.words, MESH, MODULUS_PA, field_mT.tolist(), planar)).encode()).hexdigest()

@@ -1,10 +1,8 @@
-"""Print the sizes on the disk of eimi-lab and of each package that eimi-lab needs.
+"""Print the sizes on the disk of eimi-lab and of each package that eimi-lab needs, without optional extras.
 
     python -m benchmarks.installation
 
-Run the script with the Python of a fresh environment into which the wheel was installed (`.ci/package` makes this
-environment). The size of a package is the size of the files that pip recorded, including compiled modules. The packages
-of optional extras are left out.
+Run the script in a fresh environment into which the wheel was installed (as `.ci/package` makes it).
 """
 
 from __future__ import annotations
@@ -20,10 +18,7 @@ LEAST_MB = 2.5  # packages that are smaller than this size are summed in one row
 
 
 def needed(name: str, packages: dict[str, Distribution]) -> None:
-    """Add the package `name` to `packages`, and all packages that this package needs without extras.
-
-    A package that is not installed is left out.
-    """
+    """Add the package `name`, and all packages that it needs, to `packages`."""
     try:
         package = distribution(name)
     except PackageNotFoundError:
@@ -39,14 +34,14 @@ def needed(name: str, packages: dict[str, Distribution]) -> None:
 
 
 def size_MB(package: Distribution) -> float:
-    """Return the size on the disk of the recorded files of a package, in MB."""
+    """Return the size on the disk of a package, MB."""
     paths = [Path(str(package.locate_file(file))) for file in package.files or []]
     # A block of stat(2) has 512 bytes.
     return sum(512 * path.stat().st_blocks for path in paths if path.exists()) / 1e6
 
 
 def main() -> None:
-    """Print the table: the size (MB) of each package and its share (%) of the whole installation."""
+    """Print a table of the packages: size (MB) and share of the installation (%)."""
     packages: dict[str, Distribution] = {}
     needed("eimi-lab", packages)
     sizes = {name: size_MB(package) for name, package in packages.items()}

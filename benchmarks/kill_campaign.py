@@ -1,12 +1,10 @@
-"""Kill acquisitions at random moments, and check the coil and the data afterwards.
+"""Kill measurements at random moments, and check that the coil is off and that no stored state is lost.
 
     python -m benchmarks.kill_campaign --runs 500
 
-Each run is a complete `eimi acquire` on an emulated supply behind a pseudo-terminal. The camera plays a recording. The
-emulator is in the process of this script, which continues after the end of the run and can observe the coil. The signal
-TERM, HUP, INT or KILL is sent to the run at a random moment between its first message to the supply and its end. The
-exit status is 0 if no run had a fault. There are two faults: the coil stays on, or a state that the run reported as
-stored is not in the file.
+Each run is an `eimi acquire` on an emulated supply. The signal is TERM, HUP, INT or KILL. The exit status is 0 if no
+run
+had a fault.
 """
 
 from __future__ import annotations
@@ -76,17 +74,13 @@ settle = {{ noise_ratio = 1.5, pairs = 2, drift_window_s = 0.02, timeout_s = 5.0
 
 
 class ObservedInstrument:
-    """Pass messages on to an emulated instrument, and set the event `first` when the first message arrives.
-
-    The event shows that a run has begun to use the instrument. `instrument` answers the messages.
-    """
+    """Pass messages on to an emulated instrument, and set the event `first` at the first message."""
 
     def __init__(self, instrument: Responder) -> None:
         self._instrument = instrument
         self.first = threading.Event()
 
     def receive(self, data: bytes) -> bytes:
-        """Return the instrument's answer to the message `data`, and set the event `first`: a message has arrived."""
         self.first.set()
         return self._instrument.receive(data)
 
@@ -100,11 +94,11 @@ class RunEnd:
     status : int
         Exit status.
     lines : list of str
-        Messages of the run.
+        Messages.
     lasted_s : float
-        Duration of the run (s).
+        Duration, s.
     on_for_s : float
-        Time (s) after the signal for which the output was still on; 0 if the output was off.
+        Time for which the output stayed on after the signal, s.
     """
 
     status: int
@@ -119,7 +113,7 @@ class RunEnd:
 
 
 def make_bench(folder: Path) -> None:
-    """Write the TOML files of a bench into a folder, and the pictures of a beam at rest that its camera plays back."""
+    """Write the TOML files of a bench and the pictures for its camera into a folder."""
     recording = folder / "recording"
     recording.mkdir()
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)
@@ -142,22 +136,22 @@ def run(
     kill: tuple[int, float] | None,
     *more: str,
 ) -> RunEnd:
-    """Run `eimi acquire`, kill the run if `kill` is given, and return the result.
+    """Run `eimi acquire`, send a signal to it, and return the result.
 
     Parameters
     ----------
     folder : Path
-        The folder with the files that `make_bench` wrote.
+        Folder with the files of the bench.
     address : str
-        The address of the emulated supply.
+        Address of the emulated supply.
     instrument : ObservedInstrument
-        The emulated supply, which reports the first message of the run.
+        The emulated supply.
     coil : CoilSupply
-        The model of the supply and its coil, which shows whether the output is on.
+        Model of supply and coil, which shows whether the output is on.
     driver : str
-        The name of the supply driver in the rig file.
+        Name of the supply's driver.
     kill : tuple of (int, float) or None
-        A signal, and the time (s) after the first message at which the signal is sent; None for no signal.
+        A signal, and its time after the first message, s; None for no signal.
     *more : str
         Further options of `eimi acquire`.
     """
@@ -200,7 +194,7 @@ camera = {{ driver = "opencv", source = "recording" }}
 
 
 def stored(path: Path) -> list[float | None]:
-    """Read every frame of a dataset with its checksum; return the current (A) of each state, None without a current."""
+    """Read all frames of a dataset; return the current (A) of each state, or None if a state has no current."""
     with open_dataset(path) as dataset:
         for state in dataset.states:
             assert dataset.images(state.index).shape == (FRAMES, HEIGHT, WIDTH)
@@ -208,10 +202,9 @@ def stored(path: Path) -> list[float | None]:
 
 
 def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float) -> list[str]:
-    """Return descriptions of the faults after a killed run; an empty list without a fault.
+    """Return descriptions of the faults after a killed run; empty without faults.
 
-    A fault is an output that stays on or is switched off later than `off_within_s` (s), or a state that the run
-    reported as stored but that is not in the file.
+    A fault is a lost state, or an output that is on for more than `off_within_s` seconds after the signal.
     """
     faults = []
     if coil.state.output or coil.state.set_current_A:
@@ -229,18 +222,9 @@ def faults_of(ended: RunEnd, coil: CoilSupply, folder: Path, off_within_s: float
 
 
 def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
-    """Kill runs at random moments, print the results, and return the number of runs with a fault.
+    """Kill `runs` runs at random moments, print the results, and return the number of runs with a fault.
 
-    Parameters
-    ----------
-    runs : int
-        Number of runs that are killed.
-    resumed : float
-        Probability with which a killed run that left a file is resumed.
-    seed : int
-        Seed of the signals and of the moments.
-    off_within_s : float
-        Time limit (s) from the signal until the coil is off.
+    `resumed` is the probability that a killed run is resumed. `off_within_s` is the time limit (s) for the coil.
     """
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # a child would inherit ignored signals
         signal.signal(number, signal.SIG_DFL)
@@ -297,7 +281,7 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
 
 
 def main() -> None:
-    """Kill runs with the options of the command line; exit with status 1 if a run had a fault."""
+    """Kill runs; exit with status 1 if a run had a fault."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=500, help="number of runs")
     parser.add_argument("--resumed", type=float, default=0.5, help="share of the runs with a file that are resumed")

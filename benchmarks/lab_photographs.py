@@ -1,15 +1,15 @@
-"""Measure edges in rendered photographs with one difficulty each: ``python -m benchmarks.lab_photographs``.
+"""Measure the edges found in rendered photographs with one difficulty each: ``python -m benchmarks.lab_photographs``.
 
-The beams have a known shape, a random colour and a random bend. Each picture has one difficulty of real photographs:
-glare, a ruler beside the beam, a second beam, a hand, a hard shadow, motion. ``--pictures N`` sets the number of
-pictures of each kind (by default 6), ``--seed`` the seed. ``--kind NAME`` selects one or more kinds. ``--draw FOLDER``
-writes each picture with the detected edges.
+The difficulties are glare, a ruler, a second beam, a hand, a hard shadow, and motion. A picture is
 
-A flag is a warning about the edges, either "unusable" or "doubtful". A picture is *refused* if no edges are returned or
-a flag marks the edges as unusable. Otherwise the picture is *good* if the error of the edges is at most 0.07 of the
-beam's width (root mean square). If the error is larger, the picture is *doubted* if a flag marks the edges as doubtful,
-and *silent* if no flag does. No picture may be silent. The kind ``lookalike`` shows no beam. A picture of this kind is
-silent if edges are returned without a doubtful flag.
+refused  if no edges are returned or a warning marks the edges as unusable,
+good     if the edges have an error (root mean square) of at most 0.07 beam widths,
+doubted  if the error is larger and a warning marks the edges as doubtful,
+silent   if the error is larger and there is no warning. The goal is that no picture is silent.
+
+A picture of the kind ``lookalike`` shows no beam, and must be refused or doubted. ``--pictures N`` sets the number of
+pictures of each kind (by default 6), ``--seed`` the seed, and ``--kind NAME`` the kinds. ``--draw FOLDER`` draws the
+detected edges.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Measure how the position of the tip of a beam at 15 mT depends on the mesh.
+"""Measure how the tip of a simulated beam at 15 mT depends on the mesh.
 
 python -m benchmarks.mesh_convergence [FIGURE.png]
 
-The error on each mesh is the distance from the tip on the finest mesh. With a file name, the errors are also drawn.
+The error is the distance from the tip on the finest mesh. With a file name, the errors are also drawn.
 """
 
 from __future__ import annotations
@@ -36,17 +36,14 @@ FINEST = (80, 10)
 
 
 def tip(mesh: tuple[int, int]) -> np.ndarray:
-    """Return the position (x, y) of the tip at 15 mT in mm, shape (2,).
-
-    `mesh` is the number of elements along and across the beam.
-    """
+    """Return the tip (x, y) at 15 mT in mm; `mesh` contains the numbers of elements along and across the beam."""
     model = BeamModel(SPECIMEN, *mesh)
     shapes = model.solve(LAWS["neo-hookean"], np.array([[46e3]]), Loads.along(np.linspace(0, 15, 6)))
     return model.positions(shapes, np.array([[30.0, 0.0]]))[0, -1, 0]
 
 
 def main() -> None:
-    """Print the table of the errors of the tip, and draw the figure if a file name is given."""
+    """Print the errors of the tip, and draw them if a file name is given."""
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
     print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")
@@ -59,7 +56,7 @@ def main() -> None:
 
 
 def draw(percent: np.ndarray, path: str) -> None:
-    """Draw the error of the tip (%) on each of the n meshes, shape (n,), against the number of elements."""
+    """Draw the errors of the tip (%) on n meshes, shape (n,), against the number of elements."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter
 
