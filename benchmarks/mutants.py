@@ -1,30 +1,27 @@
 """Put small mistakes into a copy of the project, one at a time, and report which mistakes the tests detect.
 
-A mutant is the project with one mistake. A room is a part of the project: a package, such as "acquisition". With
-``--sample`` it may also be a folder with several packages ("drivers"), or a folder in a package ("interval").
-
 ``python -m benchmarks.mutants [--room NAME] [--only N] [--jobs N] [--results FILE]``
 ``python -m benchmarks.mutants --sample N --seed N [--room NAME] [--jobs N] [--results FILE]``
 
-The mistakes are listed in ``benchmarks/mistakes/ROOM.toml``. An entry has the file, a fragment of the right code, the
-wrong fragment that replaces the right fragment, and the tests that concern the mistake. These tests run until a test
-fails; the mistake is then caught. A mistake that makes a test hang is caught only if the time limit of that test ends
-the test. ``--only N`` tries only mistake number N. With ``--results`` a run continues where an earlier run ended, and
-repeats the mistakes that survived.
-
-With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random with
-the seed. Three groups of tests are run, one after another, until a test fails:
-
-1. The tests that execute the line. They are read from a map, which `tests_by_line` must have recorded before. The map
-   does not contain processes that a test starts, and may not contain slow tests.
-2. The files of tests that import the module of the mistake.
-3. The tests that ``room_tests.toml`` lists for the folder of this module.
-
-A mistake is also caught if a file of these tests cannot be imported any more. A mistake counts as missed if no test
-fails, or if its tests end without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no
-behaviour and are not counted. The script prints the share of caught mistakes in each room with its 95 % interval
-(E. B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
+The first command tries the mistakes in ``benchmarks/mistakes/ROOM.toml``, where a room is a package, such as
+"acquisition"; ``--only N`` tries one mistake. The second command makes random mistakes in N random lines
+(`generated_mistakes`), and needs the map that `tests_by_line` records. A mistake is caught if a test fails. The script
+prints the share of caught mistakes in each room, with its 95 % interval for random mistakes. With ``--results`` a run
+continues an earlier run, and repeats the mistakes that were not caught.
 """
+
+# With ``--sample`` a generator makes the mistakes instead (`generated_mistakes`), in lines that are drawn at random
+# with the seed. Three groups of tests are run, one after another, until a test fails:
+#
+# 1. The tests that execute the line. They are read from a map, which `tests_by_line` must have recorded before. The map
+#    does not contain processes that a test starts, and may not contain slow tests.
+# 2. The files of tests that import the module of the mistake.
+# 3. The tests that ``room_tests.toml`` lists for the folder of this module.
+#
+# A mistake is also caught if a file of these tests cannot be imported any more. A mistake counts as missed if no test
+# fails, or if its tests end without a result. Mistakes that ``equivalent_mistakes.toml`` lists with a reason change no
+# behaviour and are not counted. The script prints the share of caught mistakes in each room with its 95 % interval (E.
+# B. Wilson, J. Am. Stat. Assoc. 22, 209, 1927), and the time.
 
 from __future__ import annotations
 
@@ -81,28 +78,26 @@ _OUTCOMES = {0: SURVIVED, 1: CAUGHT, 5: SURVIVED}  # by pytest's status; 5: all 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One mistake: a fragment of the code that a wrong fragment replaces, to see whether a test fails.
+    """A mistake: a wrong fragment replaces a fragment of the code.
 
     Attributes
     ----------
     number : int
-        Index among all mistakes, from 1.
+        Number of the mistake, from 1.
     room : str
-        Name of the list that contains the mistake. For a generated mistake: name of the package.
+        Name of the list of mistakes, or of the package for a random mistake.
     says : str
-        Description of the mistake.
+        Description.
     file : str
         Path in the project.
-    right : str
-        The fragment of the right code, which occurs once in the file.
-    wrong : str
-        The fragment that replaces `right`.
+    right, wrong : str
+        The right fragment, which occurs once in the file, and the wrong fragment.
     tests : tuple of str
-        The tests that concern the mistake: files, or identifiers of single tests in the form of pytest.
+        Tests that concern the mistake, as arguments of pytest.
     limit_s : float
-        Time limit (s) of all tests together.
+        Time limit of all tests together, s.
     is_generated : bool
-        True if the generator made the mistake, false if a list contains the mistake.
+        Whether the mistake is a random mistake.
     """
 
     number: int
@@ -116,12 +111,7 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return further tests, which are run for a generated mistake if no test in `tests` fails.
-
-        They are the files of tests that import the changed module, and then the tests that ``room_tests.toml`` lists
-        for its folder. For a mistake from a list, the result is empty. `project` is the folder of the project or of its
-        copy. Tests that do not exist there are left out.
-        """
+        """Return further tests for a random mistake: files that import the module, and entries of ``room_tests.toml``."""
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))
@@ -131,15 +121,12 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """Return an identifier of this mistake (change of the code) that does not depend on other mistakes.
-
-        It depends on the file, the right code and the wrong code, and for a listed mistake also on its tests.
-        """
+        """Return an identifier of the mistake, made from the file, the fragments and the tests of a listed mistake."""
         tests = () if self.is_generated else self.tests
         return sha256("\0".join((self.file, self.right, self.wrong, *tests)).encode()).hexdigest()[:16]
 
     def applied(self, text: str) -> str:
-        """Return the text of the source file with the wrong fragment in place of the right fragment.
+        """Return the text of the source file with the mistake.
 
         Raises ValueError unless the right fragment occurs exactly once.
         """
@@ -149,7 +136,7 @@ class Mutant:
 
 
 def every_mutant() -> list[Mutant]:
-    """Read the lists of deliberate changes of the code in ``benchmarks/mistakes/*.toml``; return all their entries."""
+    """Return all mistakes that the files ``benchmarks/mistakes/*.toml`` list."""
     mutants: list[Mutant] = []
     for path in sorted(LISTS.glob("*.toml")):
         for row in tomllib.loads(path.read_text(encoding="utf-8"))["mistake"]:
@@ -159,7 +146,7 @@ def every_mutant() -> list[Mutant]:
 
 
 def copied(project: Path, folder: Path) -> Path:
-    """Copy the project into a folder, compile the Python files of the copy to bytecode, and return the copy's path."""
+    """Copy the project into a folder, compile its Python files, and return the path of the copy."""
     left_out = shutil.ignore_patterns(
         ".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "site", ".coverage*", ".tests_by_line*"
     )
@@ -170,12 +157,10 @@ def copied(project: Path, folder: Path) -> Path:
 
 
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Put a mistake into a copy of the project, run the tests of the mistake, and restore the copy.
+    """Put a mistake into a copy of the project, run its tests, and restore the copy.
 
-    A mistake is a deliberate change of one fragment of the code. Return the outcome and the last line of pytest's
-    output. The outcome is "caught" if a test failed, "survived" if no test failed, and "broken" if pytest could not run
-    the tests. For a generated mistake, a test that also fails without the mistake does not count; the other tests are
-    then run without this test.
+    Return "caught" (a test failed), "survived" (none failed) or "broken" (pytest failed), and a line of pytest's
+    output.
     """
     left_out: list[str] = []
     while True:
@@ -189,10 +174,7 @@ def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
 
 
 def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple[str, str]:
-    """Put a mistake into a copy of the project and run its tests, as `tried` does, but leave out some of the tests.
-
-    ``left_out`` has options of pytest, each of which leaves out one test.
-    """
+    """Try a mistake without some tests; ``left_out`` has options of pytest."""
     file = copy / mutant.file
     right, stat = file.read_bytes(), file.stat()
     file.write_text(mutant.applied(right.decode("utf-8")), encoding="utf-8")
@@ -219,7 +201,7 @@ def _tried_without(left_out: Sequence[str], mutant: Mutant, copy: Path) -> tuple
 
 
 def _is_import_failure(line: str) -> bool:
-    """Return whether a line of pytest's output says that a file of tests or a conftest.py could not be imported."""
+    """Return whether a line of pytest's output says that a file of tests or a conftest.py cannot be imported."""
     return line.startswith(("ERROR tests", "ERROR test_", "ImportError while loading conftest"))
 
 
@@ -228,12 +210,7 @@ def run_tests(
 ) -> tuple[str, str]:
     """Run tests in a copy of the project until a test fails; return the outcome and a line of pytest's output.
 
-    The outcome is "caught" if a test failed. It is "survived" if no test failed, or if the tests did not end within
-    `limit_s` seconds. It is "broken" if pytest could not run the tests, for example because a file of tests cannot be
-    imported.
-
-    The line is the one that names the failed test or the file that cannot be imported. Otherwise it is the last line.
-    `options` are further options of pytest.
+    The outcome is "caught" (a test failed), "survived" (none failed in `limit_s` seconds) or "broken" (pytest failed).
     """
     transcript = copy.with_suffix(".txt")
     arguments = (copy, transcript, (*options, *tests), min(TEST_LIMIT_S, limit_s / 2))
@@ -253,11 +230,9 @@ def run_tests(
 
 
 def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: float) -> None:
-    """Run pytest on a copy of the project, and end the process with the exit status of pytest.
+    """Run pytest on a copy of the project, and end the process with pytest's exit status.
 
-    This function runs in a new process. To save time, third-party packages are already imported there. The modules of
-    the project are imported from the folder `copy`. The file `transcript` receives the output of pytest. A test is
-    stopped after `test_limit_s` (s).
+    The file `transcript` receives the output. A test is stopped after `test_limit_s` (s).
     """
     os.setsid()
     folders = [str(copy), str(copy / "drivers"), str(copy / "fitting")]
@@ -278,10 +253,9 @@ def _pytest(copy: Path, transcript: Path, tests: Sequence[str], test_limit_s: fl
 
 
 def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
-    """Return generated mistakes (changes of the code) in randomly drawn lines, each with the tests of its line.
+    """Return random mistakes in `number` random lines of the packages or folders `rooms`, with their tests.
 
-    `number` is the number of lines, `seed` is the seed of the draw, and `rooms` are the packages or folders from which
-    the lines are drawn; without `rooms`, the lines come from all packages.
+    Without `rooms` the lines come from all packages.
     """
     tests = TestsByLine()
     mutants = []
@@ -296,7 +270,7 @@ def generated(number: int, seed: int, rooms: Sequence[str]) -> list[Mutant]:
 
 
 def wilson_95(hits: int, number: int) -> tuple[float, float]:
-    """Return the lower and the upper end of Wilson's 95 % interval of the share `hits` / `number`, each from 0 to 1."""
+    """Return Wilson's 95 % interval (lower, upper) of the share `hits` / `number`."""
     z, share = 1.959964, hits / number
     middle = (share + z * z / (2 * number)) / (1 + z * z / number)
     half = z / (1 + z * z / number) * math.sqrt(share * (1 - share) / number + z * z / (4 * number * number))
@@ -304,19 +278,15 @@ def wilson_95(hits: int, number: int) -> tuple[float, float]:
 
 
 def equivalent_keys() -> dict[str, str]:
-    """Return the generated mistakes that change no behaviour and are therefore not counted.
-
-    The result maps the key (identifier) of each mistake to the reason as text.
-    """
+    """Return the reasons why some random mistakes change no behaviour, by the identifier of the mistake."""
     rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("equivalent", [])
     return {row["key"]: row["reason"] for row in rows}
 
 
 def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return lines of Markdown: for each room, the share of caught mistakes and the 95 % interval of the share.
+    """Return a Markdown table: the share of caught random mistakes in each package, with its 95 % interval.
 
-    A room is a package. A mistake is a deliberate change of the code, and is caught if a test fails. `outcomes`
-    contains "caught", "survived" or "broken" by the key of each mistake.
+    `outcomes` contains "caught", "survived" or "broken" by the identifier of the mistake.
     """
     excused = equivalent_keys()
     counted = [m for m in mutants if m.key not in excused or outcomes[m.key] == CAUGHT]
@@ -332,11 +302,9 @@ def sample_table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[st
 
 
 def table(mutants: Sequence[Mutant], outcomes: dict[str, str]) -> list[str]:
-    """Return the lines of a Markdown table with the numbers of tried and of caught mistakes.
+    """Return a Markdown table: the numbers of tried and caught mistakes of each list.
 
-    A mistake is a deliberate change of the code, and is caught if a test fails. The table has one row for each list of
-    mistakes (a file in benchmarks/mistakes), and a row for all lists. `outcomes` contains "caught", "survived" or
-    "broken" for the key of each mistake that was tried. Mistakes without an outcome are not counted.
+    `outcomes` contains "caught", "survived" or "broken" by the identifier of the mistake.
     """
     lines = ["| list | mistakes | caught | share |", "| --- | ---: | ---: | ---: |"]
 

@@ -1,15 +1,10 @@
-"""Compare the results of the demonstration (`eimi demo`) and of eight cases before and after a change of the code.
+"""Compare the results of `eimi demo` and of eight simulated measurements before and after a change of the code.
 
     python -m benchmarks.numbers -o before.json [--quick]
     python -m benchmarks.numbers --against before.json [--rtol 1e-9] [--quick] [-o after.json]
 
-The cases are four specimens, each with two hidden materials: a Neo-Hookean material, fitted with all laws, and a Yeoh
-material, fitted with Yeoh and Ogden. The results are the edges, every number and word of fits.json, and the errors of
-`eimi validate`.
-
-The script prints the largest relative difference of each quantity, the quantities that only one of the two files
-contains, and the words that differ. The exit status is 1 if a difference is larger than --rtol or if a quantity is
-missing. --quick runs only the quick demonstration; otherwise the script takes some minutes.
+The script prints the largest relative difference of each quantity, missing quantities, and different words. The exit
+status is 1 if a difference is larger than --rtol or a quantity is missing. --quick runs only a short `eimi demo`.
 """
 
 from __future__ import annotations
@@ -38,7 +33,7 @@ Json = Any
 
 
 def eimi(folder: Path, *arguments: str | Path) -> None:
-    """Run a command of `eimi` in a folder; end the script if the command fails."""
+    """Run an `eimi` command in a folder; exit if it fails."""
     command = [sys.executable, "-m", "eimi_lab", *map(str, arguments)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -46,16 +41,15 @@ def eimi(folder: Path, *arguments: str | Path) -> None:
 
 
 def demonstration(folder: Path, *more: str) -> dict[str, Json]:
-    """Run `eimi demo` in a folder with the options `more`, and return its results as JSON values."""
+    """Run `eimi demo` in a folder, and return its results as JSON values."""
     eimi(folder, "demo", "-o", "demo", *more)
     return results(folder, Path("demo") / "dataset.h5", Path("demo") / "fits.json")
 
 
 def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
-    """Simulate a measurement, fit the dataset, and return the results as JSON values.
+    """Simulate the measurement of a specimen of the material `hidden`, fit it, and return the results as JSON.
 
-    `specimen` is the name of a virtual specimen, and `hidden` the name of its material, whose parameters the fit does
-    not know. The files are in `folder`.
+    Both arguments are names.
     """
     parameters, models = HIDDEN[hidden]
     for file in RIGS.glob("virtual*.toml"):
@@ -69,11 +63,7 @@ def case(folder: Path, specimen: str, hidden: str) -> dict[str, Json]:
 
 
 def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
-    """Return the edges, the fits and the validations of a dataset as JSON values.
-
-    A validation contains the errors of one fit (`eimi validate`). `dataset` and `fits` are files in `folder`. The fits
-    and the validations have the names of the laws as keys.
-    """
+    """Return the edges, fits and validations (errors of a fit) of a dataset as JSON values, by the name of the law."""
     eimi(folder, "validate", dataset, "--fit", fits, "-o", "validation.json")
     with open_dataset(folder / dataset) as opened:
         edges = [
@@ -92,10 +82,7 @@ def results(folder: Path, dataset: Path, fits: Path) -> dict[str, Json]:
 
 
 def measure(quick: bool) -> dict[str, Json]:
-    """Compute the edges, fits and errors of simulated measurements, and return them by the name of the measurement.
-
-    If `quick` is true, only the quick demonstration is computed.
-    """
+    """Compute all results, or only a short `eimi demo` if `quick` is true; return them by name."""
     every: dict[str, Json] = {}
     for case_name, options in {"quick demonstration": ["--quick"], "demonstration": []}.items():
         if options or not quick:
@@ -110,10 +97,9 @@ def measure(quick: bool) -> dict[str, Json]:
 
 
 def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Json]]:
-    """Yield the values in a JSON structure that are compared, each with the keys and indices that lead to it.
+    """Yield the numbers, lists of numbers and words in a JSON structure, each after its keys and indices.
 
-    A value is a number, a word, or a list of numbers. Keys that describe the run and not the result, such as times and
-    paths, are left out.
+    Values that describe the run, such as times and paths, are left out.
     """
     if isinstance(node, dict):
         for key, value in node.items():
@@ -127,9 +113,9 @@ def leaves(node: Json, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def difference(before: Json, after: Json) -> float:
-    """Return the largest difference of two numbers or lists of numbers, divided by the largest absolute value.
+    """Return the largest difference of two values, divided by the largest absolute value.
 
-    Return 0 if the values are equal. Return infinity if the lengths differ, or if values that are not numbers differ.
+    It is infinite for lists of different length and for different words.
     """
     if before == after:
         return 0.0
@@ -141,21 +127,14 @@ def difference(before: Json, after: Json) -> float:
 
 
 def quantity(path: tuple[str, ...]) -> str:
-    """Return the name of the quantity to which a value in the results belongs, such as fits.seed.
-
-    `path` contains the keys and indices that lead to the value. The name joins the keys with dots. The name of the
-    case, the name of the law and the indices are left out, so that the name is the same for all of them.
-    """
+    """Return the name of a quantity, such as fits.seed, from its keys and indices in the JSON structure."""
     rest = path[1:]
     named = rest[:1] + rest[2:] if rest[0] in ("fits", "validations") else rest
     return ".".join(key for key in named if not key.isdigit())
 
 
 def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> bool:
-    """Print the differences between the results before and after a change of the code.
-
-    Return True if `after` contains every quantity of `before` and no relative difference is larger than `rtol`.
-    """
+    """Print the differences of two results; return whether none is missing or has a difference above ``rtol``."""
     first, second = dict(leaves(before)), dict(leaves(after))
     largest: dict[str, tuple[float, tuple[str, ...]]] = {}
     for path in first.keys() & second.keys():
@@ -172,7 +151,7 @@ def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> boo
 
 
 def main() -> None:
-    """Compute the results of all cases, write them to a file, and compare them with those in an earlier file."""
+    """Compute all results, write them to a file, and compare them with an earlier file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, help="file to write")
     parser.add_argument("--against", type=Path, help="earlier file to compare with")

@@ -1,15 +1,11 @@
-"""Measure how quickly the coil is switched off from full current, for every fault that can prevent this.
+"""Measure how soon the coil is switched off from its full current (1.5 A), for every fault that can keep a coil on.
 
-    python -m benchmarks.off_campaign --trials 5
+    python -m benchmarks.off_campaign --trials 5 [--fault NAME] [--list]
 
-Each trial is a complete `eimi acquire` with the ramp, settling and limits of a shipped protocol, at its full current of
-1.5 A. The supply is emulated in another process, behind a pseudo-terminal, TCP or HiSLIP. The fault is caused at a
-random moment after the current is set.
-
-The table shows for how long the output stayed on after the fault. If the fault makes the supply silent for a few
-seconds, this duration begins at the end of the silence and not at the fault. The table also shows how many states were
-reported as stored but are not in the file. The script also checks that the run reports the fault. The exit status is 0
-if every trial met all requirements. `--fault NAME` runs one fault only, and `--list` prints the names of the faults.
+Each trial is an `eimi acquire` on an emulated supply, with a fault at a random moment. The table shows how long the
+output stayed on, and how many stored states were lost. The time begins at the fault, or at the end of the supply's
+silence if the fault makes the supply silent. The exit status is 0 if every trial met its time limit, lost no state and
+reported the fault. `--list` prints the names of the faults.
 """
 
 from __future__ import annotations
@@ -44,13 +40,13 @@ class Outcome:
     Attributes
     ----------
     on_for_s : float
-        Time (s) for which the output stayed on after the fault.
+        Time for which the output stayed on after the fault, s.
     acknowledged : int
         Number of states that the run reported as stored.
     lost : int
-        Number of reported states that are not in the file.
+        Number of these states that are not in the file.
     wrong : list of str
-        Descriptions of the requirements that the trial did not meet; empty if all requirements were met.
+        Descriptions of the requirements that were not met.
     """
 
     on_for_s: float
@@ -62,8 +58,7 @@ class Outcome:
 def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
     """Run one trial, and return its result.
 
-    The fault is caused `after_s` seconds after the full current is set. `patience` is a factor on the time limit of the
-    fault, for slow machines.
+    The fault comes `after_s` seconds after the full current. `patience` multiplies the time limit, for slow machines.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -117,11 +112,8 @@ def attempt(fault: Fault, after_s: float, patience: float) -> Outcome:
 
 
 def _reported_off_too_early(trial: Trial) -> list[str]:
-    """Return the messages that reported the coil as off although the current was still above a limit.
-
-    Some messages state the limit ("off, below … A measured"), which then also applies to the next messages. Before the
-    first of them, `OFF_A` is the limit.
-    """
+    """Return the messages that reported the coil as off while the current was above the limit."""
+    # A message may state a limit ("off, below ... A measured"), which applies from this message on.
     early, limit_A = [], OFF_A
     for line, at_s in zip(trial.lines, trial.arrived_s, strict=True):
         true_A = trial.supply.true_A(at_s)
@@ -144,10 +136,9 @@ def _stored(folder: Path) -> int:
 
 
 def campaign(faults: list[Fault], trials: int, seed: int, patience: float) -> int:
-    """Run several trials of each fault that can keep a coil on; print a table, and return the number of failed trials.
+    """Run several trials of each fault; print a table, and return the number of failed trials.
 
-    `trials` is the number of trials of each fault, `seed` is the seed of the random moments, and `patience` is a factor
-    on the time limits.
+    `patience` multiplies the time limits, for slow machines.
     """
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM, signal.SIGTSTP):
         signal.signal(number, signal.SIG_DFL)  # a child would inherit ignored signals
@@ -178,7 +169,7 @@ def _row(name: str, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Run the trials that the command line selects; exit with status 1 if a trial failed."""
+    """Run the chosen trials; exit with status 1 if a trial failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=5, help="trials of each fault")
     parser.add_argument("--fault", action="append", help="name of a fault; may be repeated")

@@ -1,4 +1,4 @@
-"""The faults that can keep a coil on, for `off_campaign`, and the reaction that a run must show to each fault."""
+"""The faults that can keep a coil on, and the required reaction of a measurement to each fault."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eimi_drivers.emulators.faults import SLEEPS_FOR_S
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that is caused during a run, and the reaction that the run must show.
+    """A fault that is caused during a run, and the required reaction of the run.
 
     Attributes
     ----------
@@ -23,23 +23,21 @@ class Fault:
     driver : str
         Name of the supply's driver.
     transport : str
-        Kind of connection to the supply: "pty" and "port" are serial ports, "tcp" is a socket, and "hislip" is HiSLIP.
+        Connection: "pty" or "port" (serial port), "tcp" or "hislip".
     act : callable
-        Takes the trial and causes the fault. It returns a time (s, monotonic clock): the switching off is timed from
-        this time on.
+        Causes the fault in a trial; returns the time (s, monotonic clock) at which the timing begins.
     said : str
-        Regular expression that the messages of the run must contain.
+        Regular expression that a message must match.
     off_within_s : float
-        Time (s) within which the coil must be switched off.
+        Time limit for the coil, s.
     unread : bool
-        True if nobody reads the standard error of the run, so that its messages block.
+        Whether nobody reads the error messages of the run.
     flows_on : bool
-        True if the current continues although the output is off.
+        Whether the current continues although the output is off.
     out_of_reach : bool
-        True if no program can switch the coil off any more. ``off_within_s`` then limits the time until the run reports
-        that the coil may be on.
+        Whether no program can switch the coil off; the time limit then applies to a warning.
     not_said : str
-        Regular expression that no message may contain; empty if there is no such requirement.
+        Regular expression that no message may match; empty for none.
     """
 
     name: str
@@ -144,11 +142,7 @@ ALL_LINES = (*LINES, ("keysight-n6700", "tcp"), ("genesys", "pty"))
 
 
 def _line(driver: str, transport: str) -> str:
-    """Return a text that identifies a supply and its connection, as a part of the name of a fault.
-
-    The text is the kind of connection, such as "tcp". The driver follows, as in "tcp keysight-n6700", unless the supply
-    is the usual one for this connection.
-    """
+    """Return the connection and, if needed, the driver of a supply as text, such as "tcp keysight-n6700"."""
     return transport if (driver, transport) in LINES else f"{transport} {driver}"
 
 

@@ -1,17 +1,11 @@
-"""Measure two delays and the memory of the live page, the page in the browser that shows a running measurement.
+"""Measure two delays and the memory of the live page, which shows a running measurement in a browser.
 
-`python -m benchmarks.page_delays` measures the two delays on an emulated supply while every processor core is kept
-busy. This takes some minutes. `--stream 20` runs a measurement with live pictures for 20 minutes and prints the memory
-of every process each minute. The script needs the extras `page` and `test`, and Chromium.
+    python -m benchmarks.page_delays [--stream 20]
 
-All times come from one clock. The delay of a frame is the time from the arrival of the frame in the run until the
-browser reports to the server that the frame is drawn. The delay of a stop is the time from the key press in the browser
-until the emulated output is off. A Kepco supply is switched off by a current of zero, because its output stays on; its
-delay ends when the emulated supply takes the current of zero.
-
-A test tool presses the key. The time of the key press is the time that the browser gives to the key event, because the
-tool needs two more processes, which also wait for a busy processor. The longer delay from the call of the tool is
-printed in brackets.
+The first delay is the time from the arrival of a frame until the browser reports that the frame is drawn. The second
+delay is the time from the press of STOP until the emulated supply is switched off. All processor cores are busy. With
+`--stream 20` the script prints the memory of every process each minute for 20 minutes. The script needs the extras
+`page` and `test`, and Chromium.
 """
 
 from __future__ import annotations
@@ -65,13 +59,12 @@ class TimedSupply(CoilSupply):
     Parameters
     ----------
     driver : str
-        The name of the driver. It determines what switches the supply off: a current of zero for a Kepco supply, and
-        switching the output off for every other family.
+        Name of the driver. A Kepco supply is switched off by a current of zero, every other supply by its output.
 
     Attributes
     ----------
     off_s : list of float
-        The times at which the supply was switched off, s on the monotonic clock.
+        Times of switching off, s on the monotonic clock.
     """
 
     def __init__(self, driver: str) -> None:
@@ -87,13 +80,13 @@ class TimedSupply(CoilSupply):
         return not self.state.output and abs(self.coil_current_A()) <= LEAST_OFF_A
 
     def switch(self, on: bool) -> bool:
-        """Switch the output, and record the time if this switches the supply off; return whether the supply obeyed."""
+        """Switch the output, and record the time if the supply is now off; return whether the supply obeyed."""
         obeyed = super().switch(on)
         self._note(not on and not self._output_stays_on)
         return obeyed
 
     def set_current(self, current_A: float) -> bool:
-        """Set the current (A), and record the time if this switches the supply off; return whether it was accepted."""
+        """Set the current (A), and record the time if the supply is now off; return whether the supply obeyed."""
         accepted = super().set_current(current_A)
         self._note(current_A == 0 and self._output_stays_on)
         return accepted
@@ -104,7 +97,7 @@ class TimedSupply(CoilSupply):
 
 
 def draw(number: int) -> np.ndarray:
-    """Return a picture of a dark beam below a clamp on a bright noisy background. The bend grows with `number`."""
+    """Return a picture of a beam below a clamp; the bend grows with `number`."""
     rng = np.random.default_rng(number)
     wide, high = SIZE_PX
     y, x = np.mgrid[0:high, 0:wide].astype(np.float32)
@@ -117,10 +110,9 @@ def draw(number: int) -> np.ndarray:
 
 
 def write_bench(folder: Path, addresses: dict[str, str], states: int) -> None:
-    """Write the files of a bench: a rig for each emulated supply, and a camera that plays back pictures.
+    """Write a specimen, a protocol of about `states` states, and a rig file for each emulated supply.
 
-    The protocol has about `states` states, at 1.5 A and 1.4 A in turn. `addresses` has the address of each supply by
-    the name of its driver. The rig file of a driver has the name of the driver.
+    `addresses` has the address of each supply by the name of the driver.
     """
     (folder / "shots").mkdir(exist_ok=True)
     for number in range(PICTURES):
@@ -146,7 +138,7 @@ playback = {{ picture_a_state = true, loop = true }}
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """Start `processes` processes that each keep one processor core busy while the context lasts."""
+    """Keep as many processor cores busy as `processes` says while the context lasts."""
     workers = [subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]) for _ in range(processes)]
     try:
         yield
@@ -158,10 +150,7 @@ def busy(processes: int) -> Iterator[None]:
 
 @contextmanager
 def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
-    """Start the live page for a folder, and open the page in a browser without a window while the context lasts.
-
-    Yield the page and the process of its server.
-    """
+    """Start the live page of a folder; yield the page in a browser and the process of the server."""
     from playwright.sync_api import sync_playwright
 
     command = [sys.executable, "-m", "eimi_lab", "dashboard", str(folder)]
@@ -182,11 +171,7 @@ def opened(folder: Path) -> Iterator[tuple[Any, subprocess.Popen[str]]]:
 
 
 def start(page: Any, dataset: str, driver: str) -> None:
-    """Start a measurement on the page, and wait until the page shows that the coil is on.
-
-    `page` is the page in the browser, `dataset` is the name of the file to write, and `driver` is the driver of the
-    supply.
-    """
+    """Start a measurement on the page that writes the file `dataset`, and wait until the coil is on."""
     page.locator("#protocol option").first.wait_for(state="attached")
     page.locator("#rig").select_option(f"{driver}.toml")
     page.get_by_label("Dataset to write").fill(dataset)
@@ -195,32 +180,22 @@ def start(page: Any, dataset: str, driver: str) -> None:
 
 
 def frame_to_screen_s(page: Any) -> list[float]:
-    """Return the delays (s) from the arrival of a frame to its display in the browser, for the last frames.
-
-    The server of the page measures these delays.
-    """
+    """Return the last delays (s) between the arrival of a frame and its display in the browser."""
     headers = {"X-Eimi-Token": page.evaluate("sessionStorage.getItem('token')")}
     return page.request.get(f"{page.url.partition('#')[0]}api/figures", headers=headers).json()["frame_to_screen_s"]
 
 
 def stops(drivers: Sequence[str], runs: int) -> Iterator[tuple[str, list[float], list[float]]]:
-    """Start and stop several runs on the page with each emulated supply.
-
-    Parameters
-    ----------
-    drivers : sequence of str
-        The drivers of the emulated supplies.
-    runs : int
-        The number of runs with each supply. Each run is stopped at another moment.
+    """Run and stop measurements on the page with each emulated supply, ``runs`` times each.
 
     Yields
     ------
     driver : str
-        The driver.
+        The driver of the supply.
     took : list of float
-        The delays (s) from the key press in the browser until the supply was off.
+        Delays from the key press until the supply was off, s.
     ages : list of float
-        The delays (s) from the arrival of a frame until the browser showed it, while the processor was busy.
+        Delays from the arrival of a frame until its display, s.
     """
     coils = {driver: TimedSupply(driver) for driver in drivers}
     with TemporaryDirectory() as name, ExitStack() as served:
@@ -243,10 +218,7 @@ def stops(drivers: Sequence[str], runs: int) -> Iterator[tuple[str, list[float],
 
 
 def _new(before: list[float], now: list[float]) -> list[float]:
-    """Return the delays that the server has added to its list between two readings, ``before`` and ``now``.
-
-    The list has only the last delays: old delays are removed when new ones are added.
-    """
+    """Return the delays that were added to a list between two readings; old delays may have been removed."""
     return now[now.index(before[-1]) + 1 :] if before and before[-1] in now else now
 
 
@@ -254,6 +226,8 @@ def _served(driver: str, coil: TimedSupply) -> AbstractContextManager[str]:
     return (serve_pty if driver == "korad" else serve_tcp)(emulate(driver, coil))
 
 
+# The delay begins at the time that the browser gives to the key event. The tool that presses the key needs two more
+# processes, which also wait for a busy processor; the longer delay from the call of the tool is printed in brackets.
 def _stopped(page: Any, coil: TimedSupply, driver: str) -> float:
     """Press STOP on the page, wait until the coil is confirmed off, and return the delay (s)."""
     load = Path("/proc/loadavg").read_text().split()[0] if Path("/proc/loadavg").exists() else "?"
@@ -272,10 +246,7 @@ def _stopped(page: Any, coil: TimedSupply, driver: str) -> float:
 
 
 def memory_MB(server: int) -> dict[str, float]:
-    """Return the resident memory (MB) of the server and of each process that the server started, by name.
-
-    `server` is the process identifier of the server.
-    """
+    """Return the memory (MB) of the server with the process number `server` and of its processes, by name."""
     memory = {}
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
@@ -291,10 +262,7 @@ def memory_MB(server: int) -> dict[str, float]:
 
 
 def stream(minutes: float) -> None:
-    """Run a measurement whose pictures the page shows, and print the memory of the server's processes once a minute.
-
-    `minutes` is the duration of the measurement.
-    """
+    """Run a measurement with live pictures for some minutes, and print the memory of all processes each minute."""
     coil = CoilSupply(WallClock())
     with TemporaryDirectory() as name, serve_tcp(emulate("scpi", coil)) as address:
         folder = Path(name)
@@ -317,7 +285,7 @@ def stream(minutes: float) -> None:
 
 
 def main() -> None:
-    """Print how soon the page shows a frame and switches the coil off, or with --stream the memory during a run."""
+    """Print the two delays of the live page, or with --stream its memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
     parser.add_argument(

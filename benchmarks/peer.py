@@ -1,10 +1,8 @@
-"""Compute the same curve of tip positions with FElupe and with `eimi_fitting`, and compare times and errors.
+"""Compare times and errors of FElupe and `eimi_fitting` for the tip positions of the same beam in 16 fields.
 
     pip install -e '.[bench]'; python -m benchmarks.peer [--short]
 
-Both programs run in one process with one thread, on the same beam and material in 16 fields. The errors are differences
-from a reference, which `eimi_fitting` computes on 80 x 10 elements. The finest FElupe mesh of the table shows that
-FElupe converges to the same limit.
+FElupe is another finite element program. The errors are differences from `eimi_fitting` with 80 x 10 elements.
 """
 
 from __future__ import annotations
@@ -31,10 +29,9 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Return the error of the tip's position in the last state, and the largest error of all states.
+    """Return the error of the tip in the last state, and the largest error of all states, % of the last deflection.
 
-    `tip` contains the computed positions of the tip in K states, and `reference` the positions on a very fine mesh, mm,
-    shape (K, 2). Both errors are in per cent of the deflection in the last state.
+    Both arrays have the shape (K, 2): x and y in mm in K states.
     """
     off = np.linalg.norm(tip - reference, axis=1)
     deflection = np.linalg.norm(reference[-1] - TIP[0])
@@ -42,10 +39,7 @@ def errors(tip: Array, reference: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print the times and errors of FElupe and of `eimi_fitting` on all meshes.
-
-    With --short the reference is coarse, FElupe has one mesh, and each time is measured only once.
-    """
+    """Print times and errors of both programs on all meshes; with --short, only on few meshes."""
     try:
         import felupe
 

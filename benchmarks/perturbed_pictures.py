@@ -1,21 +1,17 @@
-"""Detect edges in other people's photographs that were changed: ``python -m benchmarks.perturbed_pictures``.
+"""Measure how well edges are found in real photographs that were changed: ``python -m benchmarks.perturbed_pictures``.
 
-The changes are those of a camera, a lamp or a program for pictures: scale, brightness, noise, a gradient of the light,
-hue, mirror, JPEG compression and blur (`tests.shared.perturbed_pictures`). The detected edges are compared with the
-edges that a person traced in the original photograph (see `benchmarks.real_pictures`). Distances between them are in px
-of the original photograph.
+The changes are scale, brightness, noise, a gradient of the light, hue, mirror, JPEG compression and blur. The result is
+compared with edges that a person traced. A picture gets the first verdict that applies:
 
-The first verdict of this list that applies is the verdict of a picture:
-
-refused  no edges are returned, or a flag marks them as unusable
-silent   no flag marks the edges as doubtful, but their distance from the traced edges is more than three uncertainties
-         of the traced edges (root mean square); no picture may be silent
+refused  no edges are returned, or a warning marks the edges as unusable
+silent   there is no warning, but the distance (root mean square) from the traced edges is more than three uncertainties
+         of the traced edges; no picture may be silent
 right    the edges are good by the rules of `benchmarks.real_pictures`
-doubted  a flag marks the edges as doubtful
-thin     the rules are not met: there are too few points, or the distances are too large
+doubted  a warning marks the edges as doubtful
+thin     there are too few edge points, or the distances are too large
 
---change NAME     Make only the change NAME; the option may be given several times.
---overlay FOLDER  Draw the detected edges of the pictures that are not right into pictures in a folder.
+--change NAME     Make only the change NAME (may be given several times).
+--overlay FOLDER  Draw the detected edges of all pictures that are not right.
 """
 
 from __future__ import annotations
@@ -36,11 +32,7 @@ _VERDICTS = ("right", "doubted", "refused", "thin", "silent")
 
 
 def verdict(edges: EdgeSet, scored: PictureScore) -> str:
-    """Return whether the detected edges of a changed photograph are good enough, as one of five words.
-
-    The words are "refused" (no usable edges), "silent" (wrong edges without a warning), "right", "doubted" (a warning)
-    and "thin" (too few points or too large distances).
-    """
+    """Return "refused", "silent", "right", "doubted" or "thin" for the detected edges of a changed photograph."""
     severities = {flag.severity for flag in edges.flags}
     if not len(edges.left.points_mm) or Severity.UNUSABLE in severities:
         return "refused"
@@ -52,7 +44,7 @@ def verdict(edges: EdgeSet, scored: PictureScore) -> str:
 
 
 def main() -> None:
-    """Detect the edges in the changed photographs; print for each change how many are right, and how many are not."""
+    """Print the number of pictures with each verdict, for each change of the photographs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--change", action="append", choices=list(CHANGES))
     parser.add_argument("--overlay", type=Path)

@@ -1,12 +1,10 @@
-"""Measure fits of rendered photographs as a phone takes them: weights bend a beam whose modulus the fit does not know.
+"""Measure the error of the modulus from rendered phone photographs of a beam that is bent by weights.
 
     python -m benchmarks.phone [--scenes 20] [--share 0.5] [-o FOLDER]
 
-A scene is one beam with several photographs. The photographs are rendered, and the sizes and clicks that describe them
-have random errors (`tests.shared.phone_photographs`). Each scene is processed and fitted by the functions of the page
-"Weights and a phone". The table gives the error of the modulus, the half-width of its 95 % interval, and whether the
-interval contains the true modulus. The goals are that every error is below 5 %, and that 19 of 20 intervals contain the
-true modulus.
+A scene is one beam in several photographs, with random errors of the typed sizes and of the clicks. The table shows the
+error of the modulus, the half-width of its 95 % interval, and whether the interval contains the true modulus. The goals
+are errors below 5 %, and 19 of 20 intervals that contain the true modulus.
 """
 
 from __future__ import annotations
@@ -33,17 +31,17 @@ class Outcome:
     Attributes
     ----------
     hidden_Pa, fitted_Pa : float
-        The true and the fitted initial shear modulus, Pa.
+        True and fitted initial shear modulus, Pa.
     interval_95 : tuple of float
-        The 95 % interval of the fitted modulus, Pa.
+        95 % interval of the fitted modulus, Pa.
     typed : int
-        The number of values that a person would type.
+        Number of values that a person would type.
     edges_s, rest_s : float
-        The processor times of the search for the edges in the first photograph and of all later steps, s.
+        Processor times of the edges in the first photograph and of all later steps, s.
     flags : tuple of str
-        The names of the flags (warnings about the edges) of all photographs.
+        Names of the warnings about the edges.
     doubts : int
-        The number of doubts (warnings about the result) that the fit reports.
+        Number of warnings of the fit.
     """
 
     hidden_Pa: float
@@ -72,10 +70,7 @@ class Outcome:
 
 
 def outcome(seed: int, share: float, folder: Path) -> Outcome:
-    """Render the photographs of one scene into a folder, and fit the beam in these photographs.
-
-    `seed` is the seed of the scene, and `share` is the size of the photographs, as a share of the full size.
-    """
+    """Render the photographs of one scene into a folder, and fit the beam; `share` scales the photographs."""
     scene = drawn_scene(seed, share)
     bodies = bent_bodies(scene)
     folder.mkdir(parents=True, exist_ok=True)
@@ -112,7 +107,7 @@ def outcome(seed: int, share: float, folder: Path) -> Outcome:
 
 
 def main() -> None:
-    """Print a table with one row for each scene, and whether the goals are met."""
+    """Print a table with one row for each scene, and whether all errors are below 5 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

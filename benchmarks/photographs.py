@@ -1,8 +1,7 @@
-"""Measure edges in rendered photographs of coloured beams with a known outline: ``python -m benchmarks.photographs``.
+"""Measure the error of edges in rendered photographs of coloured beams: ``python -m benchmarks.photographs``.
 
-Each picture shows a beam of random colour and bend in front of a cluttered background. The light comes from the front
-and is uneven. A shadow lies beside or under the beam. The picture is a JPEG of quality 80. ``--pictures N`` sets the
-number of pictures (by default 200). ``--kind`` selects the kinds of pictures, which alternate (by default all five).
+The background is cluttered, and the light is uneven. ``--pictures N`` sets the number of pictures (by default 200).
+``--kind`` selects the kinds of pictures (by default all five in turn).
 """
 
 from __future__ import annotations

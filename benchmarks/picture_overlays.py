@@ -1,8 +1,7 @@
 """Draw pictures of edges for the documentation: ``python -m benchmarks.picture_overlays docs/pictures``.
 
-``real_pictures.png`` shows traced and detected edges of other people's photographs. The photographs themselves may not
-be distributed and are not shown. The file is left out if the photographs are not available. ``benches.jpg`` shows
-rendered photographs with the detected edges.
+``real_pictures.png`` shows traced and detected edges of other people's photographs without the photographs, which may
+not be distributed. ``benches.jpg`` shows rendered photographs with detected edges.
 """
 
 from __future__ import annotations
@@ -31,10 +30,7 @@ _SEED = 1
 
 
 def draw_real(axes: Axes, picture: Picture) -> None:
-    """Draw the edges that a person traced, the detected edges, and the clamp of the calibration.
-
-    The traced edges are grey lines as wide as their uncertainty. The detected left edge is blue, the right edge orange.
-    """
+    """Draw the traced edges (grey), the detected left edge (blue) and right edge (orange), and the clamp."""
     reference = json.loads((picture.folder / "reference.json").read_text())
     edges = picture.edges()
     scored = picture.score(edges, picture.calibration)
@@ -55,7 +51,7 @@ def draw_real(axes: Axes, picture: Picture) -> None:
 
 
 def real_sheet(shown: list[Picture], file: Path) -> None:
-    """Draw the traced and the detected edges of all photographs on one sheet, and write the picture to a file."""
+    """Draw the traced and the detected edges of all photographs on one sheet, and write it to a file."""
     rows = -(-len(shown) // _COLUMNS)
     figure, places = plt.subplots(rows, _COLUMNS, figsize=(11.0, 2.5 * rows), layout="constrained")
     for axes, picture in zip(places.ravel(), shown, strict=False):
@@ -67,10 +63,7 @@ def real_sheet(shown: list[Picture], file: Path) -> None:
 
 
 def bench_sheet(file: Path) -> None:
-    """Draw one rendered photograph of each kind with its detected edges on one sheet, and write it to a file.
-
-    Each kind has one difficulty of a laboratory, such as glare (`benchmarks.lab_photographs`).
-    """
+    """Draw one rendered photograph of each kind with its detected edges on one sheet, and write it to a file."""
     drawn = []
     for index, name in enumerate(KINDS):
         rng = np.random.default_rng([_SEED, index, 0])

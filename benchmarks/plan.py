@@ -1,13 +1,10 @@
-"""Compare planned fields with equally spaced fields, and predicted intervals of the modulus with measured intervals.
+"""Compare planned with equally spaced magnetic fields: the width of the 95 % interval of the modulus.
 
     python -m benchmarks.plan [--experiments 6] [--states 6] [--seed 1]
 
-Each experiment is a virtual measurement, as in `benchmarks.coverage`. A state is one load step with its field. A plan
-may also choose the mounting (the direction of gravity), the weight at the tip and the specimen. The true value of every
-uncertain input in the bench examples is drawn at random. The true beam is simulated on a finer mesh, and its
-edges get white and correlated noise. The fit knows only the nominal values. A first run has equally spaced fields, and
-the plan uses only the fit of this run. Planned states and the same number of equally spaced states are then measured.
-The table compares the half-widths of the 95 % intervals of the initial shear modulus.
+Each experiment is a simulated measurement with random errors of the inputs and of the edges. A plan is made from a
+first run with equally spaced fields, and may also choose the mounting, the weight at the tip and the specimen. The
+table shows the half-widths without a plan, predicted by the plan, and measured with the plan.
 """
 
 from __future__ import annotations
@@ -27,27 +24,22 @@ from tests.shared.virtual_measurements import stated
 def row(
     name: str, before: Setting, after: Sequence[Setting], bench: Bench, *, states: int, runs: int, seed: int
 ) -> None:
-    """Plan and measure several runs, and print one row of the table, averaged over the runs.
-
-    The row contains half-widths of the 95 % interval of the initial shear modulus in per cent: without a plan,
-    predicted by the plan, and measured with the plan.
+    """Plan and measure several runs, and print the averaged half-widths (%) of the 95 % interval of the modulus.
 
     Parameters
     ----------
     name : str
-        A description of what the plan may choose.
+        Name of the row.
     before : Setting
-        The mounting (direction of gravity, tip weight) and the specimen of the first run.
+        Mounting and specimen of the first run.
     after : sequence of Setting
-        The mountings and specimens from which the plan chooses.
+        Mountings and specimens from which the plan chooses.
     bench : Bench
-        The uncertainties of the inputs of the bench, and the noise of its edges.
-    states : int
-        The number of states of each run.
-    runs : int
-        The number of runs.
+        Uncertainties of the inputs and noise of the edges.
+    states, runs : int
+        Number of states of a run, and number of runs.
     seed : int
-        The seed of the random values.
+        Seed of the random values.
     """
     every: list[tuple[float, float, float, float]] = []
     chosen = ""
@@ -75,11 +67,7 @@ def row(
 
 
 def main() -> None:
-    """Print a table that compares planned states with equally spaced states.
-
-    The plan of the first row may choose the fields only. The plans of later rows may also choose the mounting (the
-    direction of gravity), a tip weight, and the shape of the specimen.
-    """
+    """Print a table with one row for each kind of plan."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
     parser.add_argument("--states", type=int, default=6, help="states of a plan")

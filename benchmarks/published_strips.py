@@ -1,27 +1,32 @@
-"""Fit two bodies of Ecoflex 00-50, a hanging cantilever and a hanging spine, that the authors of DiffCal filmed.
-
-DiffCal is a program of another group, which calibrates simulations of soft bodies with pictures. The pictures are
-published in its repository diku-dk/DiffCal (GPL-3.0), folders ``exp_data/h_e_c`` and ``exp_data/h_e_s``. They are not
-part of this project.
-
-The tables below contain positions of corners of the two bodies. A person marked the corners in picture 0 of each
-folder. Their positions in px were converted to mm in the plane in which the body bends. The conversion needs the pose
-of the camera, its focal length and the size of a square marker in the pictures:
-
-- The poses are published with the pictures. From one picture of a square, two poses are possible, which are mirror
-  images of each other. The published pose of picture 0 of the spine is the wrong one. The conversion uses the other.
-- The focal length (905 px) and the edge of the marker (20.0 mm) follow from the corners of the marker in four pictures
-  and the published poses.
-- Positions of the cantilever are divided by 1.03, so that its head has the length and width of the published CAD model.
-
-The dimensions of the bodies are those of the CAD models (``CAD_models``). Their uncertainties and the uncertainties of
-the marked corners are assumed.
-
-The script prints the modulus of each body, and of a joint fit. The authors of DiffCal found 22.0 to 22.6 kPa with the
-cantilever and 78.6 to 79.9 kPa with the spine.
+"""Fit two published photographs of soft bodies of Ecoflex 00-50: a hanging cantilever and a hanging spine.
 
     python -m benchmarks.published_strips
+
+The script prints the modulus of the cantilever, of the spine, and of both together. The authors of the photographs
+found 22.0 to 22.6 kPa with the cantilever and 78.6 to 79.9 kPa with the spine.
+
+References
+----------
+DiffCal (repository diku-dk/DiffCal, GPL-3.0), folders ``exp_data/h_e_c`` and ``exp_data/h_e_s``.
 """
+
+# DiffCal is a program of another group, which calibrates simulations of soft bodies with pictures. The pictures are
+# published in its repository diku-dk/DiffCal (GPL-3.0), folders ``exp_data/h_e_c`` and ``exp_data/h_e_s``. They are not
+# part of this project.
+#
+# The tables below contain positions of corners of the two bodies. A person marked the corners in picture 0 of each
+# folder. Their positions in px were converted to mm in the plane in which the body bends. The conversion needs the pose
+# of the camera, its focal length and the size of a square marker in the pictures:
+#
+# - The poses are published with the pictures. From one picture of a square, two poses are possible, which are mirror
+#   images of each other. The published pose of picture 0 of the spine is the wrong one. The conversion uses the other.
+# - The focal length (905 px) and the edge of the marker (20.0 mm) follow from the corners of the marker in four
+#   pictures and the published poses.
+# - Positions of the cantilever are divided by 1.03, so that its head has the length and width of the published CAD
+#   model.
+#
+# The dimensions of the bodies are those of the CAD models (``CAD_models``). Their uncertainties and the uncertainties
+# of the marked corners are assumed.
 
 from __future__ import annotations
 
@@ -106,10 +111,9 @@ CORNERS_OF_SPINE = """
 
 
 def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
-    """Write the files of one body (the cantilever or the spine) and import them as a dataset; return its path.
+    """Write the files of the cantilever or the spine, import them, and return the path of the dataset.
 
-    name: name of the files. specimen: text of the specimen file. corners: rows of the file points.csv, with the
-    positions of corners of the body in the picture.
+    `specimen` is the text of the specimen file. `corners` are marked points of the body, rows of the file points.csv.
     """
     texts = {"toml": specimen, "points.csv": HEADER + corners, "states.csv": "state,field_mT\n0,0\n"}
     paths = {end: folder / f"{name}.{end}" for end in (*texts, "h5")}
@@ -121,7 +125,7 @@ def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
 
 
 def main() -> None:
-    """Print the modulus of the cantilever, of the spine and of a joint fit of both, with 95 % intervals in kPa."""
+    """Print the modulus (kPa) of the cantilever, of the spine and of both together, with 95 % intervals."""
     with tempfile.TemporaryDirectory(prefix="published_strips") as name:
         folder = Path(name)
         cantilever = dataset(folder, "cantilever", CANTILEVER, CORNERS_OF_CANTILEVER)

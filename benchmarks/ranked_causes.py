@@ -1,10 +1,9 @@
-"""Rank the true cause of the residuals among the causes that a fit compares, and print a table of many fits.
+"""Print how often a fit ranks the true cause of its residuals first, from the records of many fits.
 
 python -m benchmarks.ranked_causes FILE...
 
-A cause is a property of the bench that differs from its files, such as a tilted camera. A file has one line of JSON
-for each fit, as `benchmarks.imperfect_rigs --record FILE` appends it. The table has one row for each imperfection of
-the bench. The last lines count the ranks.
+A cause is a property of the bench that differs from its files, such as a tilted camera. A file is written by
+`benchmarks.imperfect_rigs --record FILE`. The table has one row for each true cause.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _HEAD = (
 
 @dataclass(frozen=True)
 class Entry:
-    """One possible cause of the residuals of a fit, as the result file `fits.json` lists it.
+    """A possible cause of the residuals of a fit, from `fits.json`.
 
     Attributes
     ----------
@@ -36,14 +35,13 @@ class Entry:
     probability : float
         Probability that the fit gives to the cause.
     value : float
-        Size of the cause, in the unit that `fits.json` gives for it, such as deg for a tilt.
+        Size of the cause, in the unit of `fits.json`.
     shift_percent : float
-        Change of the modulus if a fit takes the cause into account, %.
+        Change of the modulus if the cause is present, %.
     like : tuple of str
-        Names of the causes that the data cannot distinguish from this one, because they change the residuals in nearly
-        the same way. A cause and its ``like`` form a class.
+        Causes with nearly the same effect on the residuals, which the data cannot distinguish from this cause.
     is_within_stated : bool
-        Whether the value is a deviation of an input within its stated uncertainty.
+        Whether the cause is an error of an input within its stated uncertainty.
     """
 
     name: str
@@ -56,28 +54,26 @@ class Entry:
 
 @dataclass(frozen=True)
 class Ranked:
-    """One fit of an imperfect bench, with the causes that the fit compares.
+    """The fit of a bench that differs from its files, and the possible causes of its residuals.
 
     Attributes
     ----------
     cause : str
-        The name of the true cause, which is the imperfection of the bench, or two names joined by ``+``.
+        True cause, or two true causes joined by ``+``.
     seed : int
         Seed of the noise.
     shape : str
-        "straight" for a fit with the straight shape of the file, "measured" for the measured rest shape.
+        Shape at rest in the fit: "straight" or "measured".
     error_percent : float
         Error of the modulus, %.
     interval_percent, interval_fit_percent : tuple of float
-        Ends of two 95 % intervals of the error of the modulus, %: the interval from all stated uncertainties, and the
-        interval from noise and mesh alone.
+        95 % intervals of the error: from all stated uncertainties, and from noise and mesh alone.
     doubted_percent : tuple of float or None
-        A doubt (a warning of the fit) may name a cause of the residuals. Smallest and largest change of the modulus, %,
-        if this cause is present; None if no doubt names a cause.
+        Smallest and largest change of the modulus by a cause that a warning names, %.
     doubts : int
-        Number of doubts of any kind.
+        Number of warnings.
     causes : tuple of Entry
-        The causes, the most probable first.
+        Possible causes, the most probable first.
     """
 
     cause: str
@@ -92,7 +88,7 @@ class Ranked:
 
     @staticmethod
     def of(fit: Fit, cause: str, seed: int, shape: str, true_Pa: float) -> Ranked:
-        """Return the result of a fit of a bench with the imperfection ``cause`` and the true modulus ``true_Pa``."""
+        """Return the result of a fit for the true causes ``cause`` and the true modulus."""
 
         def percent(ends: tuple[float, float]) -> tuple[float, float]:
             low, high = (100 * (end / true_Pa - 1) for end in ends)
@@ -114,12 +110,10 @@ class Ranked:
         )
 
     def as_json(self) -> str:
-        """Return the fit as one line of JSON."""
         return json.dumps(asdict(self))
 
     @staticmethod
     def from_json(line: str) -> Ranked:
-        """Return the fit from a line of JSON that `as_json` returned."""
         stored = json.loads(line)
         doubted = stored.pop("doubted_percent")
         causes = tuple(Entry(**{**entry, "like": tuple(entry["like"])}) for entry in stored.pop("causes"))
@@ -128,46 +122,38 @@ class Ranked:
 
     @property
     def true(self) -> frozenset[str]:
-        """The names of the true causes of the residuals: one, or two for a bench with two imperfections."""
+        """The names of the true causes of the residuals, one or two."""
         return frozenset(self.cause.split("+"))
 
     @property
     def is_first(self) -> bool:
-        """Whether the true cause of the residuals has rank 1, or the two true causes have the ranks 1 and 2."""
+        """Whether the true cause has rank 1, or two true causes have the ranks 1 and 2."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true)]}
 
     @property
     def is_second(self) -> bool:
-        """Whether the true cause of the residuals has rank 1 or 2, or the two true causes are among the first three."""
+        """Whether the true cause has rank 1 or 2, or two true causes have ranks up to 3."""
         return self.true <= {entry.name for entry in self.causes[: len(self.true) + 1]}
 
     @property
     def is_declared(self) -> bool:
-        """Whether the true cause is the most probable one, or cannot be distinguished from it by the data.
-
-        A cause is a property of the bench that differs from its files, and a class contains causes that the data cannot
-        distinguish. If there are two true causes, they must be the first two, or each of the two most probable classes
-        must contain a true cause.
-        """
+        """Whether the true cause has rank 1, or the data cannot distinguish it from the cause with rank 1."""
         return self.is_first or self._is_in_first_classes(len(self.true))
 
     @property
     def is_declared_second(self) -> bool:
-        """Whether the true cause is in one of the two most probable classes, or is one of the first two causes.
-
-        A cause is a property of the bench that differs from its files, and a class contains causes that the data cannot
-        distinguish. If there are two true causes, they must be among the first three causes, or at least two of the
-        three most probable classes must each contain a true cause.
-        """
+        """Whether the true cause has rank 1 or 2, or the data cannot distinguish it from a cause with rank 1 or 2."""
         return self.is_second or self._is_in_first_classes(len(self.true) + 1)
 
     def _is_in_first_classes(self, count: int) -> bool:
+        # A class contains causes that the data cannot distinguish. If there are two true causes, each must be in a
+        # class.
         classes = list(dict.fromkeys(frozenset({entry.name, *entry.like}) for entry in self.causes))[:count]
         return sum(bool(self.true & members) for members in classes) >= len(self.true)
 
     @property
     def wrong(self) -> float:
-        """Largest probability that the fit gives to a cause that the simulated bench does not have."""
+        """Largest probability that the fit gives to a cause that is not present."""
         return max((e.probability for e in self.causes if e.name not in self.true and e.name != NONE), default=0.0)
 
     @property
@@ -178,11 +164,7 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the 95 % interval from all stated uncertainties contains the true modulus, or a doubt corrects it.
-
-        A doubt is a warning of the fit. It may give a range of changes of the modulus (`doubted_percent`). It corrects
-        the interval if one of these changes shifts the interval so that it contains the true modulus.
-        """
+        """Whether the 95 % interval contains the true modulus, perhaps after a correction that a warning states."""
         if self.holds or self.doubted_percent is None:
             return self.holds
         least, most = self.doubted_percent
@@ -209,12 +191,7 @@ class Ranked:
 
 
 def summary(results: Sequence[Ranked]) -> str:
-    """Return lines of text that say how many fits found the true cause of their residuals.
-
-    A cause is a property of the bench that differs from its files. Further lines count the fits that give a wrong
-    cause a probability above 0.9. The last line counts the fits whose interval contains the true modulus, either as it
-    is or after the change of the modulus that a doubt (a warning of the fit) gives.
-    """
+    """Return lines that count the fits with the true cause at rank 1, with a wrong cause, and with a right interval."""
     counts = {
         "first": sum(one.is_first for one in results),
         "first or second": sum(one.is_second for one in results),
@@ -227,11 +204,7 @@ def summary(results: Sequence[Ranked]) -> str:
 
 
 def table(results: Sequence[Ranked]) -> str:
-    """Return a table in Markdown with one row for each imperfection of the bench.
-
-    The columns are the ranks of the true cause of the residuals, the errors and intervals of the modulus, and the
-    number of doubts (warnings of a fit).
-    """
+    """Return a Markdown table with one row for each true cause: its ranks, the errors of the modulus, the warnings."""
     lines = [_cells(_HEAD), _cells(["---"] * len(_HEAD))]
     for cause in dict.fromkeys(one.cause for one in results):
         some = [one for one in results if one.cause == cause]
@@ -257,7 +230,7 @@ def _cells(words: Sequence[str]) -> str:
 
 
 def main() -> None:
-    """Print the table of all fits in the given files, and how many fits found the true cause of their residuals."""
+    """Print the table, and the number of fits that found the true cause of their residuals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     lines = [line for path in parser.parse_args().files for line in path.read_text(encoding="utf-8").splitlines()]
