@@ -111,7 +111,7 @@ class Mutant:
     is_generated: bool = False
 
     def room_tests(self, project: Path) -> list[str]:
-        """Return further tests for a random mistake: files that import the module, and entries of ``room_tests.toml``."""
+        """Return further tests for a random mistake: files that import the module, and those in ``room_tests.toml``."""
         if not self.is_generated:
             return []
         by_folder: dict[str, list[str]] = tomllib.loads(ROOM_TESTS.read_text(encoding="utf-8"))

@@ -1,20 +1,15 @@
-"""Count how often a fit has a doubt although the files of the bench are right.
+"""Count how often a fit warns (has a doubt) although the files of the bench are right.
 
 python -m benchmarks.rate_of_doubts [--experiments 100] [--seed 1] [--exact] [--one-polarity] [--record FILE]
 
-A doubt is a warning about a fit. Some doubts name a cause: a property of the bench that seems to differ from its files,
-such as a tilted camera. Each experiment is a virtual measurement of the beam of the bench example, in plane stress. The
-true value of every input, such as a width, is drawn about the nominal value with the standard uncertainty that the
-files of the bench example give. The edges have white noise; no pictures are rendered. The fit knows only the nominal
-values and their uncertainties, and it measures the shape at rest, as `eimi fit` does.
+Each experiment is a simulated measurement whose true inputs, such as a width, differ from the nominal values by their
+uncertainties. A warning may name a cause of the residuals, such as a tilted camera. A named cause counts as right if
+the
+cause was really drawn and has about the true size.
 
-The files are right, so that every doubt is a false alarm. Nevertheless, a doubt can name a deviation that was really
-drawn. A named cause counts as right if its value differs from the drawn deviation by at most this deviation, or by at
-most 0.3 times the usual size of the cause.
-
---exact         Every input has its nominal value.
---one-polarity  Eight increasing fields of one polarity (sign) replace the 13 fields of both polarities.
---record        One line of JSON is appended to a file for each fit; `benchmarks.ranked_causes` makes a table of it.
+--exact         All inputs have their nominal values.
+--one-polarity  Use 8 increasing fields of one sign, not 13 fields of both signs.
+--record        Append one line of JSON for each fit to a file for `benchmarks.ranked_causes`.
 """
 
 from __future__ import annotations
@@ -44,10 +39,7 @@ _NEGLIGIBLE = 0.3  # error of the value of a cause that is right in any case, in
 
 
 def drawn_bench(seed: int) -> Imperfection:
-    """Return a bench whose true inputs differ from the values in its files by random deviations.
-
-    The deviations are drawn with the uncertainties that the files state.
-    """
+    """Return a bench whose true inputs differ from its files by random errors within the stated uncertainties."""
     deviations = _deviations(seed)
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     return Imperfection(
@@ -68,14 +60,7 @@ def _deviations(seed: int) -> dict[str, Array]:
 def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
     """Simulate and fit one experiment; return the result, with the possible causes of the residuals.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the drawn inputs and of the noise.
-    exact : bool
-        Whether every input has its nominal value.
-    one_polarity : bool
-        Whether the fields have one polarity and only increase.
+    exact: all inputs have their nominal values. one_polarity: the fields have one sign and only increase.
     """
     field_mT = FIELD_MT if one_polarity else BOTH_MT
     bench = Imperfection(NONE, "perfect rig") if exact else drawn_bench(seed)
@@ -87,10 +72,7 @@ def fitted(seed: int, exact: bool, one_polarity: bool) -> Ranked:
 
 
 def drawn_values(seed: int) -> dict[str, float]:
-    """Return how far the true bench deviates from its files, for each deviation that a fit can name as a cause.
-
-    The result maps the name of the cause to its true size, in the unit in which a fit gives it.
-    """
+    """Return the true size of each cause that a fit can name, by the name of the cause, in the unit of the fit."""
     drawn = {key: float(values[-1]) for key, values in _deviations(seed).items()}
     magnet = STATED.mechanics().magnet
     assert magnet is not None
@@ -109,10 +91,9 @@ def drawn_values(seed: int) -> dict[str, float]:
 
 
 def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
-    """Return the names of the causes that a fit names wrongly: the bench has no such deviation, or one of another size.
+    """Return the causes of the residuals that a fit names wrongly.
 
-    A cause is a deviation of the bench from its files, such as a tilted camera, which explains the residuals of the
-    fit. ``values`` contains the true size of each deviation by the name of the cause.
+    ``values`` contains the true size of each cause.
     """
     names = []
     for entry in one.causes:
@@ -125,10 +106,9 @@ def wrong(one: Ranked, values: Mapping[str, float]) -> list[str]:
 
 
 def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> str:
-    """Return lines of text that say how many fits name a cause of their residuals, name a wrong cause, or have a doubt.
+    """Return lines that count the fits with a named cause, with a wrong cause, and with any warning.
 
-    A cause is a deviation of the bench from its files, and a doubt is a warning of the fit. ``values`` contains, for
-    each fit, the true size of each deviation by the name of the cause.
+    ``values`` contains the true sizes of the causes for each fit.
     """
 
     def has(one: Ranked, is_within_stated: bool) -> bool:
@@ -150,7 +130,7 @@ def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> 
 
 
 def main() -> None:
-    """Simulate and fit the experiments; print the result of each fit, and the number of fits with doubts (warnings)."""
+    """Fit the experiments, print the results, and count the fits with warnings."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="seed of the first experiment")

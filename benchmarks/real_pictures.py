@@ -1,19 +1,14 @@
-"""Compare detected edges in other people's photographs with traced edges: ``python -m benchmarks.real_pictures``.
+"""Compare the edges found in real photographs with edges that a person traced: ``python -m benchmarks.real_pictures``.
 
-A person has traced the edges by hand. The photographs and the rules for scoring them are in
-``../shared/data/pictures``, beside the checkout. The photographs may not be distributed. The program states a standard
-deviation for each detected edge point. The table also compares this stated deviation with the observed deviation: the
-scatter of the points about a smooth line.
+The photographs are in ``../shared/data/pictures``, and may not be distributed. The table shows the errors of the
+detected edges, and the stated standard deviation of the points divided by the observed scatter about a smooth line.
 
---draws 5         Search five times with wrong inputs, which are drawn at random: the clamp is off by up to 4 px, the
-axis by up to 4 degrees, the width by up to 8 % and the length by up to 10 %.
---clicks 3        Search three times with three clicks, which are drawn within 10 px of the centre line. The group of
-pictures `refusal` is left out, because it has no centre line.
+--draws 5         Search five times with random errors of the clamp (up to 4 px), the axis (4 degrees), the width (8 %)
+                  and the length (10 %).
+--clicks 3        Search three times with three clicks within 10 px of the centre line.
 --overlay FOLDER  Draw the detected edges into pictures in a folder.
---chance DRAWS    Show which ratios of stated to observed deviation chance alone can cause. For each detected edge,
-DRAWS edges with a known random scatter are simulated, and the program states a deviation for each of them. The output
-is the 95 % range of the ratio for the simulated edges: a measured ratio in this range can be due to chance. The output
-also has the median of the stated deviation divided by the known scatter.
+--chance DRAWS    Print the 95 % range of the ratio stated / observed deviation that chance alone causes, from DRAWS
+                  simulated edges. A measured ratio in this range can be due to chance.
 """
 
 from __future__ import annotations
@@ -41,11 +36,9 @@ _DEGREE = 7  # degree of the polynomial about which the scatter of an edge is co
 
 
 def stated_over_observed(edge: EdgePoints) -> float:
-    """Return the ratio of the stated to the observed standard deviation of an edge's points; NaN for too few points.
+    """Return the stated standard deviation of an edge's points, divided by their scatter about a smooth line.
 
-    The search for the edges states a standard deviation for each point. The stated deviation of the edge is the root
-    mean square of these values. The observed deviation is the scatter of the points about a smooth line (a polynomial
-    in the arc length).
+    NaN for too few points.
     """
     if len(edge.points_mm) < 2 * _DEGREE:
         return math.nan
@@ -56,7 +49,7 @@ def stated_over_observed(edge: EdgePoints) -> float:
 class _Scatter:
     """The scatter of n points of an edge about a polynomial in the arc length.
 
-    `points` contains x and y of the points, mm or px, shape (n, 2). All lengths have the unit of the points.
+    `points` contains x and y (mm or px), shape (n, 2).
     """
 
     points: Array
@@ -85,26 +78,23 @@ class _Scatter:
 
 
 def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Return how far the ratio of stated to observed deviation of an edge can be from 1 by chance alone.
+    """Return how far chance alone can change the ratio of the stated to the observed deviation of an edge.
 
-    Many edges with a known scatter are drawn: the smooth line of the given edge, plus random scatter with the standard
-    deviation of the given points. The scatter of neighbouring points is as strongly correlated as in the given edge,
-    and the correlation decreases exponentially along it. The deviation that the program states for each drawn edge is
-    compared with its observed deviation and with the true one.
+    Edges with the scatter and the correlation of the given edge are simulated.
 
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        Coordinates (x, y) in px of the n points of the given edge.
+        x and y of the n points of the edge, px.
     draws : int
-        Number of drawn edges.
+        Number of simulated edges.
     rng : numpy Generator
         Random number generator.
 
     Returns
     -------
     low, high : float
-        Ends of the 95 % range of the stated deviation divided by the observed deviation.
+        95 % range of the stated deviation divided by the observed deviation.
     median : float
         Median of the stated deviation divided by the true deviation.
     """
@@ -124,7 +114,7 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
 
 
 def main() -> None:
-    """Print the table with the errors of the detected edges in each photograph."""
+    """Print the table of the errors of the edges in each photograph."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--clicks", type=int, default=0, metavar="DRAWS")

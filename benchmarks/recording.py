@@ -1,9 +1,7 @@
-"""Count the recorded and lost frames of a fast camera that records a free vibration: `python -m benchmarks.recording`.
+"""Count the recorded and lost frames of a fast camera in ten seconds: ``python -m benchmarks.recording``.
 
-Another process sends pre-rendered noisy frames through the interface of a camera: 1.3 megapixels at 120 Hz, and 640 x
-480 pixels at 500 Hz. A measurement records the frames for ten seconds and writes them to the disk. Every frame is then
-read back and compared with the frame that was sent. The load of the machine is printed, because other programs can
-cause lost frames.
+The emulated cameras send noisy frames: 1.3 megapixels at 120 Hz, and 640 x 480 pixels at 500 Hz. The frames are written
+to the disk and compared with the sent frames. The load of the machine, which can cause lost frames, is printed too.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ CASES = ((1280, 1024, 120.0), (640, 480, 500.0))
 
 
 def main() -> None:
-    """Print how many frames of each camera were recorded, and how many were lost."""
+    """Print the numbers of recorded and lost frames of each camera."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--folder", type=Path, help="folder on the disk to measure; default: a temporary folder")

@@ -1,7 +1,4 @@
-"""Render pictures of the beam of an imperfect bench, and find the edges in the pictures.
-
-An imperfect bench has one property that differs from its files, such as a tilted camera.
-"""
+"""Render pictures of a beam on a bench that differs from its files, and find the edges in the pictures."""
 
 from __future__ import annotations
 
@@ -24,17 +21,16 @@ _CLAMP_MM = np.array([[0.0, -6.0], [0.0, 6.0], [-15.0, 6.0], [-15.0, -6.0]])
 
 
 def clean_pictures(sides: Array, magnets: Array, clamp: Callable[[Array], Array]) -> list[Scene]:
-    """Render one picture without noise of each of K states (load steps).
+    """Render one picture without noise of each of K states.
 
     Parameters
     ----------
     sides : ndarray, shape (K, 2, m, 2)
-        Coordinates x and y in the beam frame (mm) of m points on the left and on the right edge, at the positions that
-        the camera shows.
+        x and y (mm) of m points on the left and the right edge, as the camera shows them.
     magnets : ndarray, shape (K, 4, 2)
-        Coordinates x and y in the beam frame (mm) of the corners of the magnet, at the positions that the camera shows.
+        x and y (mm) of the corners of the magnet, as the camera shows them.
     clamp : callable
-        Maps true positions of the clamp to the positions at which the camera shows them.
+        Maps true positions of the clamp to the positions that the camera shows.
     """
     frame, scenes = BeamFrame(CALIBRATION), []
     for (left, right), magnet in zip(sides, magnets, strict=True):
@@ -45,16 +41,9 @@ def clean_pictures(sides: Array, magnets: Array, clamp: Callable[[Array], Array]
 
 
 def edges_in(pictures: Sequence[Scene], specimen: SpecimenFile, seed: int) -> tuple[EdgeObservation, NDArray[np.intp]]:
-    """Add noise to pictures, and find the edges; return the usable edges, and the indices of their pictures.
+    """Add noise to pictures, and find the edges; return the usable edges and the indices of their pictures.
 
-    Parameters
-    ----------
-    pictures : sequence of Scene
-        One picture without noise of each state.
-    specimen : SpecimenFile
-        The specimen that the search for the edges assumes.
-    seed : int
-        Seed of the noise.
+    `specimen` is the specimen that the search for the edges assumes.
     """
     rng, usable_edges, used = np.random.default_rng(seed), [], []
     for k, picture in enumerate(pictures):

@@ -1,9 +1,6 @@
-"""Measure the time and memory of `eimi report` for three datasets with twenty fits.
+"""Measure the time and memory of `eimi report` for three simulated datasets with twenty fits each.
 
-Each of four laws is fitted to the bending data and in four strain ranges of a tensile test. The datasets belong to the
-shipped specimens type1 to type3 on the virtual rig, with 16 states each. The tensile test is read from the file of
-`--curve`. Without `--curve` the tensile test is a curve of Yeoh's law up to a strain of 4, which no law of two terms
-can follow to its end.
+``--curve FILE`` gives a tensile test; by default the tensile test is simulated.
 """
 
 from __future__ import annotations
@@ -25,10 +22,7 @@ _LARGEST_STRAIN, _ROWS = 4.0, 200
 
 
 def curve(path: Path) -> Path:
-    """Write a file with the simulated tensile test of a Yeoh material, and return the path of the file.
-
-    The file has two columns: strain, and stress in kPa.
-    """
+    """Write a simulated tensile test with two columns (strain, stress in kPa); return the path."""
     strain = np.linspace(0.0, _LARGEST_STRAIN, _ROWS + 1)[1:]
     stress_kPa = 1e-3 * engineering_stress(LAWS["yeoh"], np.array([_YEOH_PA]), strain)[0]
     rows = [f"{e:.4f},{s:.5f}" for e, s in zip(strain, stress_kPa, strict=True)]
@@ -37,7 +31,7 @@ def curve(path: Path) -> Path:
 
 
 def main() -> None:
-    """Print the time (s) and the memory (MB) that `eimi report` needs, for three reports of different size."""
+    """Print the time (s) and the memory (MB) of three reports of different size."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--curve", type=Path, help="file with a tensile test")
     parser.add_argument("--repeats", type=int, default=3, help="number of runs; the fastest counts")

@@ -1,8 +1,7 @@
 """Draw pictures of a report for inspection: ``python -m benchmarks.report_pictures report.html -o FOLDER``.
 
-Headless Chromium draws the whole page 1400 and 800 px wide, and prints the page on A4. `pdftoppm` (poppler) makes a
-picture of every printed page. In the pictures, a person looks for a heading without its figure, a table or figure that
-is cut, text that is too small at 800 px, and information that only a colour shows.
+Chromium draws the whole page 1400 and 800 px wide, and prints it on A4. With `pdftoppm` (poppler), each printed sheet
+becomes a picture.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _TIMEOUT_S = 300
 
 
 def browser() -> str:
-    """Return the path of Chromium; exit with a message if no browser is installed."""
+    """Return the path of Chromium; exit with a message without it."""
     path_of_browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if path_of_browser is None:
         sys.exit(f"needs one of {', '.join(BROWSERS)}")
@@ -31,10 +30,7 @@ def browser() -> str:
 
 
 def chromium(page: Path, *how: str) -> None:
-    """Run Chromium on a page with the options `how`, which say whether it draws or prints the page.
-
-    Each call uses a new browser profile, so that no earlier call has an effect.
-    """
+    """Draw or print a page with Chromium; the options `how` say which, and where to."""
     with tempfile.TemporaryDirectory() as profile:
         plain = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={profile}")
         line = [browser(), *plain, *how, page.resolve().as_uri()]
@@ -42,7 +38,7 @@ def chromium(page: Path, *how: str) -> None:
 
 
 def screen(page: Path, folder: Path, width: int) -> Path:
-    """Draw the whole page in a window of `width` px, cut the empty bottom off, and return the picture's path."""
+    """Draw the whole page `width` px wide, cut the empty bottom off, and return the path of the picture."""
     path = folder / f"{page.stem}_{width}.png"
     chromium(page, f"--window-size={width},{_TALL_PX}", f"--screenshot={path}")
     with Image.open(path) as whole:
@@ -53,7 +49,7 @@ def screen(page: Path, folder: Path, width: int) -> Path:
 
 
 def printed(page: Path, folder: Path) -> list[Path]:
-    """Print the page on A4; return the PDF file and, if `pdftoppm` is installed, a picture of every sheet."""
+    """Print the page on A4; return the PDF file and, with `pdftoppm`, a picture of every sheet."""
     pdf = folder / f"{page.stem}.pdf"
     chromium(page, "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
     if not shutil.which("pdftoppm"):

@@ -1,9 +1,8 @@
-"""Measure how much time a second worker process saves in a grid of fits.
+"""Measure how much time a second worker process saves in many fits of a dataset and of its resampled data.
 
     python -m benchmarks.second_worker DATASET.h5 [--fits 48]
 
-The grid consists of the fit of one law to a dataset and of its bootstrap replicates, which are fits to resampled data.
-The grid is computed alternately in one process and in two processes. The time with two processes includes their start.
+The time with two processes includes their start.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ ROUNDS = 3
 
 
 def main() -> None:
-    """Print the times (s) with one and with two processes in each round, and the ratio of the medians."""
+    """Print the times (s) with one and with two processes, and the ratio of the medians."""
     parser = argparse.ArgumentParser(description="compute fits in one process and in two processes")
     parser.add_argument("dataset")
     parser.add_argument("--fits", type=int, default=48)

@@ -1,9 +1,8 @@
-"""Measure the error of the identified initial shear modulus for every law and five seeds.
+"""Measure the error of the fitted initial shear modulus for every material law and five seeds of the noise.
 
     python -m benchmarks.seeds
 
-The noise and the search of the fit use the same seed. The edges belong to a 30 x 3 mm beam with a magnet in 16 fields,
-which is simulated on 80 x 10 elements. Each edge has 100 points with normal noise of 1 µm on each coordinate.
+The edges of a simulated 30 x 3 mm beam in 16 magnetic fields have normal noise of 1 µm.
 """
 
 from __future__ import annotations
@@ -30,11 +29,7 @@ TRUTH = {
 
 
 def measured(model: str, seed: int) -> Experiment:
-    """Simulate a beam, and return the experiment of a fit: the beam's noisy edges, its loads and its model.
-
-    `model` is the name of the beam's law, whose true parameters are constants of the module. `seed` is the seed of the
-    noise.
-    """
+    """Simulate a beam of the law `model` with noisy edges; return all inputs of a fit."""
     fine = BeamModel(SPECIMEN, 80, 10)
     shapes = fine.solve(LAWS[model], np.array([TRUTH[model]]), LOADS)
     sides = points_on(edge_curves(fine, shapes)[0], 3)
@@ -47,7 +42,7 @@ def measured(model: str, seed: int) -> Experiment:
 
 
 def main() -> None:
-    """Print a line for each law: the error of the modulus in per cent, by seed."""
+    """Print the errors of the modulus (%), one line for each law and one column for each seed."""
     print("law            off by, % of the truth, seeds 1 to 5        largest")
     for model, truth in TRUTH.items():
         expected = float(LAWS[model].initial_shear_modulus(np.array(truth)))

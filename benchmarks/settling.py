@@ -1,9 +1,7 @@
-"""Measure the time that the settling statistic needs for a frame: `python -m benchmarks.settling`.
+"""Measure the time of the check whether a beam still moves, for one frame: ``python -m benchmarks.settling``.
 
-The settling statistic compares two frames near the edges of the beam, and thereby shows whether the beam still moves.
-The frames have shot noise, a beam with two edges, and 1.3 or 5 million pixels. In the first column the band of pixels
-along the edges is determined again for each frame. In the second column the band of an earlier frame is used, as in a
-measurement while the beam is at rest.
+The check compares the pixels near the edges of the beam in two frames of 1.3 or 5 megapixels. In the first column these
+pixels are selected for each frame, in the second column they are known from an earlier frame.
 """
 
 from __future__ import annotations
@@ -20,10 +18,7 @@ REPEATS = 20
 
 
 def frame(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return a noisy frame of a hanging beam, with the shape (height, width).
-
-    The beam covers a tenth of the width and three quarters of the height of the picture.
-    """
+    """Return a noisy frame of a hanging beam, shape (height, width)."""
     rows, columns = shape
     across = np.abs(np.arange(columns) - columns / 2) - columns / 20
     beam = 0.06 + 0.94 / (1 + np.exp(-across / 0.6))
@@ -34,7 +29,7 @@ def frame(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint8]
 
 
 def main() -> None:
-    """Print the time (ms) of the settling statistic for each size of the frames, on one line each."""
+    """Print the time (ms) of the check, with one line for each size of the frames."""
     print(f"{'frame':8} {'new band':>10} {'kept band':>10} {'ratio':>8} {'the same':>9}")
     for name, shape in SIZES.items():
         rng = np.random.default_rng(1)

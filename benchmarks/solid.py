@@ -1,6 +1,4 @@
-"""Verify the solid element and the solid model by comparison with independent solutions.
-
-The solutions are exact solutions, the planar model in plane strain, and FElupe, another program for finite elements.
+"""Compare the solid finite element model with exact solutions, plane strain and FElupe (another program).
 
 python -m benchmarks.solid [--short]
 """
@@ -27,10 +25,7 @@ SLENDER = Specimen(60.0, 6.0, 12.0, 1070.0, "plane-stress")
 
 
 def main() -> None:
-    """Print the difference between the solid model and independent solutions, with one line for each comparison.
-
-    With --short only coarse meshes are used.
-    """
+    """Print the differences between the solid model and other solutions; with --short on coarse meshes."""
     short = "--short" in sys.argv
     for name in LAWS:
         print(f"{name}: depth held, from plane strain at most {against_plane_strain(name):.1e} mm")

@@ -1,10 +1,9 @@
-"""Measure the error of the modulus that the mesh of the solid model causes.
+"""Measure the error of the modulus that the mesh of the solid model causes, without and with a correction.
 
 python -m benchmarks.solid_mesh [--short] [NAME...]
 
-For each mesh the script prints two errors of the modulus: without and with a correction. For the correction, the planar
-model of the same beam is solved on the same mesh and on a finer mesh. The difference of the two rotations of the tip is
-added to the rotation of the tip in the solid model. NAME selects specimens; --short computes one specimen on one mesh.
+The correction is the change of the tip's rotation between the same mesh and a finer mesh of the planar model. NAME
+selects specimens; --short computes one specimen on one mesh.
 """
 
 from __future__ import annotations
@@ -29,25 +28,25 @@ MESHES = ((20, 2, 0), (20, 3, 0), (26, 2, 0), (26, 3, 0), (26, 3, 1))
 
 
 def planar(specimen: Specimen, along: int, across: int, factor: float = 1.0) -> np.ndarray:
-    """Return the rotation of the tip (degrees) of the planar model in plane stress in each of K fields, shape (K,).
+    """Return the rotation of the tip (degrees) in K fields, shape (K,), by the planar model in plane stress.
 
-    The mesh has `along` x `across` elements. `factor` multiplies the modulus, to see how the rotation depends on it.
+    The mesh has `along` x `across` elements. `factor` multiplies the modulus.
     """
     model = BeamModel(replace(specimen, section="plane-stress"), along, across)
     return model.tip_angle_deg(model.solve(LAW, factor * PARAMETERS, LOADS))[0]
 
 
 def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
-    """Return the rotation of the tip (degrees) of the solid model in each of K fields, shape (K,).
+    """Return the rotation of the tip (degrees) in K fields, shape (K,), by the solid model.
 
-    `mesh` contains the numbers of elements along and across the beam, and how many elements are added in depth.
+    `mesh`: elements along and across the beam, and additional elements in depth.
     """
     model = SolidBeside(specimen, *mesh)
     return model.tip_angle_deg(model.solve(LAW, PARAMETERS, LOADS, tolerance_mm=1e-4))[0]
 
 
 def main() -> None:
-    """Print the error of the modulus (%) in the highest field, for each specimen and mesh."""
+    """Print the error of the modulus (%) for each specimen and mesh."""
     short = "--short" in sys.argv
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if short else names:

@@ -1,11 +1,8 @@
-"""Measure the cost of one simulated curve of tip positions and of one fit, and how these costs grow.
+"""Measure the processor time of one simulated curve of tip positions (16 fields) and of one fit, and its growth.
 
     python -m benchmarks.speed [FIGURE.png]
 
-All times are processor times of one thread. A curve consists of the tip positions of a 30 x 3 mm beam with a 4 mm
-magnet in 16 fields. A candidate is one set of parameters of a law, and a batch is a group of candidates that are solved
-together. The time of the curve is measured for a batch, for one candidate, and for growing numbers of candidates,
-fields and elements. The times of whole fits follow (`benchmarks.fit_cost`).
+The time grows with the numbers of candidates (sets of parameters that are solved together), fields and elements.
 """
 
 from __future__ import annotations
@@ -35,38 +32,29 @@ TOLERANCE_MM = 1e-2  # tolerance of the simulated shapes, as in a fit
 
 
 def population(name: str, size: int) -> np.ndarray:
-    """Return `size` different sets of the n parameters of the law `name`, shape (size, n).
-
-    They are the example parameters of the law, with moduli that differ by about a third.
-    """
+    """Return `size` different sets of the n parameters of a law, shape (size, n)."""
     spread = np.exp(0.3 * np.random.default_rng(0).standard_normal((size, 1)))
     unit = np.array([u == "Pa" for u in LAWS[name].units])
     return np.where(unit, np.array(EXAMPLES[name]) * spread, EXAMPLES[name])
 
 
 def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, repeats: int = 7) -> float:
-    """Return the shortest processor time (s) of several solutions of one batch of candidates (sets of parameters).
-
-    A first solution, which is not counted, computes tables that the later solutions use again.
-    """
+    """Return the shortest processor time (s) of several solutions for all candidates (sets of parameters)."""
 
     def solve() -> Shapes:
         return model.solve(law, candidates, loads, tolerance_mm=TOLERANCE_MM)
 
-    solve()
+    solve()  # computes tables that later solutions use again
     return fastest(solve, repeats)[0]
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Return the processor time (ms) for each of `size` candidates, which are solved together.
-
-    A candidate is one set of parameters of the law.
-    """
+    """Return the processor time (ms) for one of `size` sets of parameters that are solved together."""
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 
 def main() -> None:
-    """Print the tables of costs, and draw the figure if a file name is given."""
+    """Print the tables of times, and draw them if a file name is given."""
     print(f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, one thread")
     model, fine = BeamModel(SPECIMEN), BeamModel(SPECIMEN, 39, 3)
     loads = Loads.along(np.linspace(0, 7.05, 16))
@@ -96,19 +84,14 @@ def main() -> None:
 
 
 def slope(points: list[tuple[int, float]]) -> float:
-    """Return how the cost grows with a number: the exponent a in cost ~ number^a, from the last three pairs.
-
-    A pair consists of a number and its cost. The number counts candidates (sets of parameters), states (load steps) or
-    elements. The exponent is the slope in a plot with two logarithmic axes.
-    """
+    """Return the exponent a in cost ~ number^a from the last three pairs (number, cost)."""
     return float(np.polyfit(*np.log(np.array(points[-3:])).T, 1)[0])
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
-    """Draw the measured costs against the numbers of candidates, states and elements, each with a line of slope 1.
+    """Draw the times (ms) against the numbers of candidates (sets of parameters), states and elements, into a file.
 
-    A candidate is one set of parameters of a law, and a state is one load step. `curves` contains pairs (number, time
-    in ms) for "candidates", "states" and "elements". `path` is the file to write.
+    `curves` contains pairs (number, time) for "candidates", "states" and "elements".
     """
     from matplotlib.figure import Figure
 
@@ -125,7 +108,7 @@ def draw(curves: dict[str, list[tuple[int, float]]], path: str) -> None:
 
 
 def cost(model: BeamModel, size: int, states: int) -> float:
-    """Return the processor time (ms) for solving a beam with `size` Neo-Hookean moduli in `states` fields."""
+    """Return the processor time (ms) for a beam with `size` Neo-Hookean moduli in `states` fields."""
     candidates, loads = population("neo-hookean", size), Loads.along(np.linspace(0, 7.05, states))
     return 1e3 * cost_s(model, LAWS["neo-hookean"], candidates, loads, 3)
 

@@ -1,7 +1,4 @@
-"""Start a complete measurement at full current, cause a fault, and observe how the coil is switched off.
-
-The supply is emulated in another process. `benchmarks.off_campaign` uses this module for its trials.
-"""
+"""Start a measurement at full current on an emulated supply, cause a fault, and time the switching off."""
 
 from __future__ import annotations
 
@@ -37,10 +34,9 @@ NAMES = 6000
 
 
 class Supply:
-    """An emulated supply in a separate process, which reports every change of the output, set-point and current.
+    """An emulated supply in a separate process, which reports every change of output, set-point and current.
 
-    `driver` is the name of the emulated family of supplies. `transport` is the kind of connection: "pty" or "port" (two
-    kinds of serial ports), "tcp" or "hislip".
+    `transport` is the connection: "pty" or "port" (serial port), "tcp" or "hislip".
     """
 
     def __init__(self, driver: str, transport: str) -> None:
@@ -73,11 +69,10 @@ class Supply:
         print(word, file=self._process.stdin, flush=True)
 
     def on(self) -> bool:
-        """Return whether the output is on."""
         return bool(self.changes) and self.changes[-1][1]
 
     def at_full(self) -> bool:
-        """Return whether the output is on and its set-point is the full current."""
+        """Return whether the output is on and the set-point is the full current."""
         return self.on() and self.changes[-1][2] >= FULL_A - 1e-6
 
     def off_s(self) -> float:
@@ -90,15 +85,11 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the true current (A) at the time `at_s` (s, monotonic clock), as the process of the supply reports it.
-
-        The process reports a current only if it has changed enough. The result can differ from the true current by this
-        smallest change.
-        """
+        """Return the current (A) that the emulated supply last reported before the time `at_s` (s, monotonic clock)."""
         return next((true_A for change_s, _, _, true_A in reversed(self.changes) if change_s <= at_s), 0.0)
 
     def close(self) -> None:
-        """End the process of the supply."""
+        """End the process that emulates the supply."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.wait(WAIT_AT_MOST_S)
@@ -106,22 +97,22 @@ class Supply:
 
 @dataclass
 class Trial:
-    """One run on an emulated supply, with the messages of the run and of its guardian.
+    """One run on an emulated supply, and the messages of the run and of its guardian.
 
-    The guardian is the process that watches the run and switches the coil off if the run fails.
+    The guardian is a process that switches the coil off if the run fails.
 
     Attributes
     ----------
     folder : Path
-        The folder with the files of the bench.
+        Folder with the files of the bench.
     supply : Supply
         The emulated supply.
     unread : bool
-        True if the standard error of the run goes into a full pipe that nobody reads.
+        Whether nobody reads the error messages of the run.
     lines : list of str
         The messages.
     arrived_s : list of float
-        The time (s, monotonic clock) at which each message arrived.
+        Arrival time of each message, s on the monotonic clock.
     """
 
     folder: Path
@@ -145,9 +136,9 @@ class Trial:
         self.guardian = self._find_guardian()
 
     def start(self, output: str, unread: bool = False) -> subprocess.Popen[str]:
-        """Start a run on the emulated supply that writes the dataset `output`; return the process of the run.
+        """Start a run that writes the dataset `output`; return its process.
 
-        If `unread` is true, nobody reads the standard error of the run, so that its messages block.
+        If `unread` is true, nobody reads its error messages, so that they block the run.
         """
         at = f'driver = "{self.supply.driver}", address = "{self.supply.address}"'
         (self.folder / "rig.toml").write_text(f"""
@@ -189,29 +180,22 @@ maximum = 12.0
             self.hear(line)
 
     def hear(self, line: str) -> None:
-        """Append a message to `lines`, and the present time (s, monotonic clock) to `arrived_s`."""
         self.arrived_s.append(time.monotonic())
         self.lines.append(line.rstrip())
 
     def wait_for_words(self, pattern: str, after_s: float) -> float:
-        """Wait until a message contains the pattern; return the time (s) of the message, but at least `after_s`."""
+        """Wait for a message that contains the pattern; return its time (s), at least `after_s`."""
         wait_until(lambda: any(re.search(pattern, line) for line in self.lines), f"no word of {pattern!r}")
         first = next(number for number, line in enumerate(self.lines) if re.search(pattern, line))
         return max(after_s, self.arrived_s[first])
 
     def end_guardian(self) -> None:
-        """End the guardian, which switches the coil off after a failed run, if its process is still running.
-
-        The guardian would otherwise try to reach a supply that will not answer again.
-        """
+        """End the process that switches the coil off after a failed run, if it still runs."""
         if alive(self.guardian):
             os.kill(self.guardian, signal.SIGKILL)
 
     def _is_unidentified(self) -> bool:
-        """Return whether the guardian reported, more than `TRIES_FOR_S` (s) ago, that it cannot identify the supply.
-
-        The guardian is the process that switches the coil off if the run dies.
-        """
+        """Return whether the guardian reported more than `TRIES_FOR_S` (s) ago that it cannot identify the supply."""
         reported_s = [at_s for line, at_s in zip(self.lines, self.arrived_s, strict=False) if UNIDENTIFIED in line]
         return bool(reported_s) and time.monotonic() - reported_s[0] > TRIES_FOR_S
 
@@ -224,11 +208,9 @@ maximum = 12.0
         return began
 
     def spoil(self, name: str) -> float:
-        """Cause a fault of the camera or of the clock, and return the time (s, monotonic clock) of the fault.
+        """Cause a fault of `benchmarks.spoilt_run`, such as "clock" or "grab"; return its time (s, monotonic clock).
 
-        `name` is a fault of `benchmarks.spoilt_run`. With "clock", the clock steps back. Every other fault blocks a
-        method of the camera, such as "grab", as soon as the run calls it. This function then returns after that call.
-        With "clock" and "close" it returns at once.
+        For a fault of a camera method other than "close", wait until the run calls this method.
         """
         (self.folder / name).touch()
         began = time.monotonic()
@@ -245,12 +227,7 @@ maximum = 12.0
         return sum(line.startswith("acquire ") for line in self.lines)
 
     def end(self) -> int:
-        """Wait for the end of the run and of its guardian process, and return the exit status of the run.
-
-        The guardian is the process that switches the coil off if the run fails. A run that does not end is killed. If
-        the guardian has switched off a supply but cannot confirm that it is the supply of the run, it keeps trying for
-        an hour. Here it is ended after `TRIES_FOR_S` seconds.
-        """
+        """Wait for the end of the run and of its guardian process; return the exit status of the run."""
         try:
             status = self.process.wait(20)
         except subprocess.TimeoutExpired:
@@ -266,7 +243,7 @@ maximum = 12.0
 
 
 def make_bench(folder: Path) -> None:
-    """Write a specimen, a calibration, a protocol at full current only, and a recording of a beam at rest."""
+    """Write a specimen, a calibration, a protocol at full current, and pictures of a beam at rest into a folder."""
     text = load_protocol(SHIPPED).text
     begin, end = text.index("[current]"), text.index("[ramp]")
     currents = f"[current]\nvalues_A = {[0.0] + [FULL_A] * (STATES - 1)}\n\n"

@@ -1,10 +1,10 @@
-"""Run `eimi` with a camera of 30 frames per second. Certain files in the present folder cause faults.
+"""Run `eimi` with a camera of 30 frames per second, in which files in the present folder cause faults.
 
     python -m benchmarks.spoilt_run acquire protocol.toml …
 
-If a file `grab`, `flush` or `close` exists, the camera's method of this name never returns. With a file `grab-locked`,
-the method `grab` also holds Python's global lock, so that no other part of the program runs. With a file `clock` the
-wall clock steps back by two minutes. The file `reached` appears when a method that never returns is called.
+If a file `grab`, `flush` or `close` exists, the camera's method of this name never returns. With `grab-locked`, `grab`
+also holds Python's global lock, so that nothing else runs. With `clock` the wall clock steps back by two minutes. The
+script writes the file `reached` when a method that never returns is called.
 """
 
 from __future__ import annotations
@@ -25,10 +25,7 @@ FOR_EVER_S = 3600
 
 
 def spoil(beside: Path) -> None:
-    """Replace the wall clock and some methods of the camera class, so that they can be made to fail during a run.
-
-    A fault begins if a file with its name appears in the folder `beside`. The module lists the faults.
-    """
+    """Replace the wall clock and the camera's methods, so that files in the folder `beside` can cause faults."""
     grab, flush, close, wall = OpenCVCamera.grab, OpenCVCamera.flush, OpenCVCamera.close, time.time
 
     def block(what: str) -> None:

@@ -1,7 +1,4 @@
-"""Measure how many frames are stored per second, and what limits this rate: `python -m benchmarks.storage`.
-
-The frames have the size and the noise of the virtual camera. The noise limits the compression of the frames.
-"""
+"""Measure how many frames are stored per second, and the speed of each step: ``python -m benchmarks.storage``."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ NOISE_GREY = 1.3
 
 
 def frames(count: int) -> list[Frame]:
-    """Return `count` frames of the same dark beam on a bright background, each with different noise."""
+    """Return `count` frames of the same dark beam with different noise."""
     random = np.random.default_rng(0)
     across = np.abs(np.arange(WIDTH) - WIDTH / 2)
     still = np.tile(30 + 170 / (1 + np.exp(-(across - 50) / 1.0)), (HEIGHT, 1))
@@ -35,7 +32,7 @@ def frames(count: int) -> list[Frame]:
 
 
 def main() -> None:
-    """Print how many frames per second are stored, and how fast each step of storing is."""
+    """Print how many frames per second are stored, and the speed of each step."""
     images = frames(FRAMES_PER_STATE)
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"))
     with tempfile.TemporaryDirectory() as folder:

@@ -1,9 +1,7 @@
-"""The map from each line of the code to the tests that execute the line, for `benchmarks.mutants`.
+"""Record which tests execute which line of the code, for `benchmarks.mutants`.
 
-``python -m benchmarks.tests_by_line [TESTS ...]`` runs the tests with the package coverage, which records the lines
-that each test executes, and writes the map. This takes about twice as long as the tests alone. ``--add`` adds tests to
-the map of the same code, and ``--jobs`` sets the number of processes. Coverage does not record a process that a test
-starts. A test that starts a module in a process is therefore selected if its file contains the name of the module.
+``python -m benchmarks.tests_by_line [TESTS ...] [--add] [--jobs N]`` takes twice as long as the tests alone. ``--add``
+adds tests to an earlier result. Lines that only another process executes are not recorded.
 """
 
 from __future__ import annotations
@@ -34,9 +32,9 @@ _SETTINGS = f"[run]\nbranch = false\nparallel = false\nsource_pkgs = {', '.join(
 
 
 def record(tests: Sequence[str], add: bool = False, jobs: int = 2) -> int:
-    """Run tests in `jobs` processes, and write which lines of the code each test executes; return pytest's exit status.
+    """Run tests, and record which lines of the code each test executes; return pytest's exit status.
 
-    If `add` is true, the tests are added to the earlier result.
+    If `add` is true, the tests are added to the earlier result. `jobs` is the number of processes.
     """
     with tempfile.TemporaryDirectory() as folder:
         new, settings, report = Path(folder) / "new", Path(folder) / "settings.ini", Path(folder) / "report.xml"
@@ -63,18 +61,18 @@ def record(tests: Sequence[str], add: bool = False, jobs: int = 2) -> int:
 
 
 def seconds_in(report: Path) -> dict[str, float]:
-    """Return the duration (s) of each test in pytest's JUnit XML report (family xunit1), by test identifier."""
+    """Return the duration (s) of each test from pytest's JUnit XML report."""
     cases = ElementTree.parse(report).iter("testcase")
     return {f"{case.get('file')}::{case.get('name')}": float(case.get("time", "0")) for case in cases}
 
 
 class TestsByLine:
-    """The recorded map from the lines of the code to the tests that execute them."""
+    """The recorded tests that execute each line of the code."""
 
     __test__ = False  # pytest must not collect this class as a test
 
     def __init__(self) -> None:
-        """Read the recorded map from lines of code to tests. Raises FileNotFoundError if no map was recorded."""
+        """Read the recorded tests of all lines. Raises FileNotFoundError if nothing was recorded."""
         if not MAP.exists():
             raise FileNotFoundError(f"{MAP.name}: record it first with `python -m benchmarks.tests_by_line`")
         self._data = CoverageData(str(MAP))
@@ -82,21 +80,20 @@ class TestsByLine:
         self._seconds: dict[str, float] = json.loads(SECONDS.read_text(encoding="utf-8"))
 
     def of(self, file: str, line: int) -> tuple[str, ...]:
-        """Return the tests that can detect a mistake (a deliberate change) in a line of code, in the order of trial.
-
-        The tests are chosen as follows:
-
-        - If the line is in a function: the tests that execute the line. If a test executes it in a fixture (a setup of
-          tests), then also the other tests in the same file, because these may use the fixture.
-        - If the line is outside all functions, so that only the first import of the module executes it: first the tests
-          in files that import the module or every module of the project, then the tests that execute any line of the
-          module, then the tests in files that import its package.
-        - If no test was found in this way: the tests in the files that contain the name of the module.
-
-        Tests in files that contain the name of the module are tried first. At most `MOST_TESTS` tests are returned,
-        which together take at most `MOST_S` seconds. One half of this time is reserved for the quickest tests, because
-        the tests of a module itself are usually quick. The other half is filled with the first of the remaining tests.
-        """
+        """Return the tests that may detect a mistake in a line of code, in the order in which they should run."""
+        # The tests are chosen as follows:
+        #
+        # - If the line is in a function: the tests that execute the line. If a test executes it in a fixture (a setup
+        #   of tests), then also the other tests in the same file, because these may use the fixture.
+        # - If the line is outside all functions, so that only the first import of the module executes it: first the
+        #   tests in files that import the module or every module of the project, then the tests that execute any line
+        #   of the module, then the tests in files that import its package.
+        # - If no test was found in this way: the tests in the files that contain the name of the module.
+        #
+        # Tests in files that contain the name of the module are tried first. At most `MOST_TESTS` tests are returned,
+        # which together take at most `MOST_S` seconds. One half of this time is reserved for the quickest tests,
+        # because the tests of a module itself are usually quick. The other half is filled with the first of the
+        # remaining tests.
         by_line = self._data.contexts_by_lineno(str(PROJECT / file))
         if line in _lines_of_functions(PROJECT / file):
             contexts = set(by_line.get(line, [])) - {""}
@@ -129,7 +126,7 @@ class TestsByLine:
         return sum(self._seconds.get(test, 1.0) for test in tests)
 
     def _quickest(self, tests: Iterable[str], seconds: float) -> set[str]:
-        """Return as many of the tests as possible that together take at most `seconds` (s): the quickest ones."""
+        """Return the quickest tests, which together take at most `seconds` (s)."""
         within: set[str] = set()
         for test in sorted(tests, key=lambda test: self.seconds([test])):
             seconds -= self.seconds([test])
@@ -149,10 +146,7 @@ class TestsByLine:
         return {node for file in files for node in self._by_file.get(file, [])}
 
     def _in_order(self, nodes: Iterable[str]) -> list[str]:
-        """Return tests in the order of trial: the quickest test of each file, then the second quickest, and so on.
-
-        Tests of one file are similar. The first tests should therefore come from different files.
-        """
+        """Return the quickest test of each file first, then the second quickest, and so on."""
         quickest = sorted(nodes, key=lambda node: (self._seconds.get(node, 0.0), node))
         before: dict[str, int] = {}
         ranks: dict[str, int] = {}
@@ -163,20 +157,20 @@ class TestsByLine:
 
 
 def _lines_of_functions(path: Path) -> set[int]:
-    """Return the lines in the bodies of all functions. All other lines run when the module is imported."""
+    """Return the numbers of the lines in the bodies of all functions."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     nodes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, functions)]
     return {line for node in nodes for line in range(node.body[0].lineno, (node.end_lineno or 0) + 1)}
 
 
 def _files_with(word: str) -> list[str]:
-    """Return the files of tests in whose text a word occurs, such as the name of a module."""
+    """Return the files of tests that contain a word."""
     files = sorted((PROJECT / "tests").rglob("test_*.py"))
     return [path.relative_to(PROJECT).as_posix() for path in files if word in path.read_text(encoding="utf-8")]
 
 
 def files_that_import(file: str, project: Path) -> list[str]:
-    """Return the files of tests of a project that import the module in a source file (a path in the project)."""
+    """Return the files of tests in `project` that import the module in the source file `file`."""
     *package, module = Path(file).with_suffix("").parts[0 if file.startswith("eimi_lab") else 1 :]
     dotted = re.escape(".".join(package))
     imports = re.compile(

@@ -1,14 +1,9 @@
-"""Verify frequencies, loss factors and viscoelastic (Prony) laws: `python -m benchmarks.time [--hidden 2] [--seed 1]`.
+"""Verify frequencies, loss factors and viscoelastic (Prony) laws.
 
-The first table verifies the computed frequencies in three ways. The frequencies of elastic beams are compared with
-Euler-Bernoulli beams. The complex frequencies of two viscoelastic oscillators with one degree of freedom are compared
-with their exact values. The complex frequency of a viscoelastic beam is compared with a simulation of the free
-vibration over time, on another mesh.
+python -m benchmarks.time [--hidden 2] [--seed 1]
 
-The second table gives the errors of fits of hidden materials with two Prony terms, whose parameters the fit does not
-know. For each material, two free vibrations (ring-downs) and two recordings of creep are simulated by the rod model of
-the virtual rig and then fitted. The rod has the stiffness of a solid beam. The dimensions of this beam differ from the
-dimensions in the fit by random errors of the size of their uncertainties.
+The first table compares computed frequencies with Euler-Bernoulli beams, with exact values of two oscillators, and with
+a simulated free vibration. The second table shows the errors of fits of simulated materials with two Prony terms.
 """
 
 from __future__ import annotations
@@ -54,7 +49,7 @@ def in_field(field_mT: float) -> Loads:
 
 
 def print_references() -> None:
-    """Print the errors of the computed frequencies of beams, by comparison with three kinds of reference solutions."""
+    """Print the errors of computed frequencies of beams and oscillators."""
     worst = 0.0
     for length in (50.0, 70.0, 90.0, 120.0):
         for density, tip_kg in ((None, 0.0), (7500.0, 0.0), (7500.0, 4e-4), (None, 2e-4)):
@@ -100,19 +95,18 @@ def _constant(value: float, _: float) -> float:
 
 
 def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMotion], StaticStates]:
-    """Draw a random viscoelastic material, simulate a measurement of it, and return the material and the measurement.
+    """Draw a viscoelastic material at random, and simulate its measurement.
 
     Returns
     -------
     instantaneous : float
-        The instantaneous shear modulus of the material, Pa.
+        Instantaneous shear modulus, Pa.
     series : Prony
-        The Prony series of the material.
+        Prony series of the material.
     recorded : list of RecordedMotion
-        The noisy recordings of ring-downs (free vibrations) and creep.
+        Noisy free vibrations and creep.
     static : StaticStates
-        The static states: the fields, the times at which each field was set and the edges were measured, and the
-        modulus of an elastic fit to these states.
+        Static states: fields, times, and the modulus of an elastic fit.
     """
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     instantaneous = float(rng.uniform(40e3, 80e3))
@@ -160,10 +154,7 @@ def hidden_run(rng: np.random.Generator) -> tuple[float, Prony, list[RecordedMot
 
 
 def print_hidden(seed: int) -> bool:
-    """Fit a material drawn at random, print the errors, and return whether the interval contains the true modulus.
-
-    The interval is the 95 % interval of the dynamic shear modulus.
-    """
+    """Fit a random material, print the errors; return whether the dynamic modulus lies in its 95 % interval."""
     instantaneous, series, motions, static = hidden_run(np.random.default_rng(seed))
     stated = [StatedSource(key, sigma, "specimen") for key, sigma in STATED.items()]
     identified: LawOfTime = identify_time(NEO, np.array([static.modulus_Pa]), BEAM, motions, stated, static)
@@ -186,7 +177,7 @@ def print_hidden(seed: int) -> bool:
 
 
 def main() -> None:
-    """Compare computed frequencies with references, fit hidden materials (unknown to the fit), and print the errors."""
+    """Print the errors of computed frequencies, and of fits of simulated materials."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hidden", type=int, default=2, help="number of hidden materials")
     parser.add_argument("--seed", type=int, default=1, help="seed of the first material")

@@ -1,39 +1,38 @@
-"""Measure how many 95 % intervals of viscoelastic laws contain the hidden values.
+"""Measure which share of the 95 % intervals of viscoelastic quantities contains the true values.
 
-    python -m benchmarks.time_coverage [--draws 500] [--first 1] [-o FILE.jsonl] [--table]
+    python -m benchmarks.time_coverage [--draws 500] [--first 1] [-o FILE.jsonl] [--table] [--whole]
 
-Each draw is a separate virtual measurement of another hidden material (unknown to the fit) with two Prony terms: two
-ring-downs in zero field, and creep and ring-down in two fields. The dimensions, the density of the magnet and the
-remanence differ from the nominal values by random errors of the size of their stated uncertainties. The static states
-(bent beams at rest) and the effect of the air, which moves with the beam and damps it, have errors of the size that the
-fit states for them. Every position gets noise. The motion is that of the rod of the virtual rig
-(`tests.shared.creeping_rod`), which shares no equation with the fit.
+Each draw is a simulated measurement of a random material with two Prony terms, and a fit. Simplifications save time
+(comments in the module); --whole makes fewer. A draw is written to the file as a line of JSON; draws in the file are
+not repeated. --table only prints the table of the file.
 
-Six simplifications make hundreds of draws affordable. With the option --whole, only the first three of them are made.
-
-- The creep of the rod is computed without inertia. Its vibration is computed separately, from the tangent stiffness,
-  and added. For one material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which
-  computes the whole motion in time.
-- The stiffness of the rod is computed by a solid model for the nominal dimensions and with each dimension changed by
-  1 %. The stiffness for other dimensions follows linearly in the logarithms.
-- A fit tabulates the frequencies of the beam and its deflection under the loads as functions of the modulus, around
-  its own modulus. Here these tables are computed around a few moduli, 0.1 apart in the logarithm. Each draw uses the
-  tables of the nearest modulus (`benchmarks.time_tables`).
-- The recordings are reduced: frequency and loss of the vibration are those of the rod, with noise, and the positions
-  show the creep alone. The frequency is corrected to that of a finely meshed solid, which is up to 0.1 % lower.
-- Only two terms are fitted. There is no global search; the least-squares fit starts at the hidden law.
-- The additional fit without a prior on the magnetic moment is left out, and so are the random draws from which a fit
-  computes the intervals from noise alone.
-
-Each draw is written to the file as one line of JSON as soon as it is done, with its seed. Draws in the file are not
-repeated. The tables of frequencies and deflections are kept in a second file, FILE.tables. --table prints the table of
-the draws in the file, without further draws.
-
-The rows mu(0.03 s), mu(1 s) and mu(30 s) of the table show the modulus at the times 0.032, 1 and 32 s. The column
-"hold" gives the share of intervals that contain the hidden value, and "chance" gives the 95 % interval of this share
-(Clopper and Pearson). The column "width over needed" compares two standard deviations of ln(fitted value / hidden
-value): the one that the intervals state, divided by the one that is observed.
+The columns: "hold" is the share of intervals that contain the true value, "chance" its 95 % interval (Clopper and
+Pearson), and "width over needed" the stated divided by the observed standard deviation of ln(fitted value / true
+value). The row mu(1 s) shows the modulus at the time 1 s.
 """
+
+# Each draw is a separate virtual measurement of another hidden material (unknown to the fit) with two Prony terms: two
+# ring-downs in zero field, and creep and ring-down in two fields. The dimensions, the density of the magnet and the
+# remanence differ from the nominal values by random errors of the size of their stated uncertainties. The static states
+# (bent beams at rest) and the effect of the air, which moves with the beam and damps it, have errors of the size that
+# the fit states for them. Every position gets noise. The motion is that of the rod of the virtual rig
+# (`tests.shared.creeping_rod`), which shares no equation with the fit.
+#
+# Six simplifications make hundreds of draws affordable. With the option --whole, only the first three of them are made.
+#
+# - The creep of the rod is computed without inertia. Its vibration is computed separately, from the tangent stiffness,
+#   and added. For one material, frequencies are within 0.03 % and losses within 0.1 % of those of `MovingBeam`, which
+#   computes the whole motion in time.
+# - The stiffness of the rod is computed by a solid model for the nominal dimensions and with each dimension changed by
+#   1 %. The stiffness for other dimensions follows linearly in the logarithms.
+# - A fit tabulates the frequencies of the beam and its deflection under the loads as functions of the modulus, around
+#   its own modulus. Here these tables are computed around a few moduli, 0.1 apart in the logarithm. Each draw uses the
+#   tables of the nearest modulus (`benchmarks.time_tables`).
+# - The recordings are reduced: frequency and loss of the vibration are those of the rod, with noise, and the positions
+#   show the creep alone. The frequency is corrected to that of a finely meshed solid, which is up to 0.1 % lower.
+# - Only two terms are fitted. There is no global search; the least-squares fit starts at the hidden law.
+# - The additional fit without a prior on the magnetic moment is left out, and so are the random draws from which a fit
+#   computes the intervals from noise alone.
 
 from __future__ import annotations
 
@@ -93,18 +92,17 @@ _CORRECTED_PA, _STIFFER = (30e3, 50e3, 75e3), 1.2
 
 
 def drawn_material(rng: np.random.Generator) -> tuple[float, Prony]:
-    """Draw a hidden material: return its instantaneous shear modulus in Pa and its Prony series of two terms."""
+    """Return a random material: its instantaneous shear modulus in Pa and its Prony series of two terms."""
     series = Prony(rng.uniform(0.06, 0.16, 2), np.exp(rng.uniform(np.log([0.03, 1.0]), np.log([0.1, 6.0]))))
     return float(rng.uniform(40e3, 80e3)), series
 
 
 def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
-    """Return the elastic rod that replaces the nominal beam, and how its parameters change with the beam's dimensions.
+    """Return an elastic rod that replaces the nominal beam, and the derivatives of its parameters, shape (3, 3).
 
-    The rod has a hinge between rod and magnet. The change is an array of derivatives, shape (3, 3). A row belongs to a
-    dimension of the beam: ln(width), ln(depth) and ln(length). A column belongs to a parameter of the rod: ln(length),
-    ln(stiffness of the hinge), and the softening (m²), which is the relative loss of bending stiffness per squared
-    curvature.
+    Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: ln(length of the rod), ln(stiffness of
+    its
+    hinge), loss of bending stiffness per squared curvature (m²).
     """
 
     def rod(specimen: Specimen) -> Stiffness:
@@ -121,10 +119,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
 
 
 def stiffness_near(specimen: Specimen) -> Stiffness:
-    """Return the stiffness of the simulated rod for a specimen with dimensions close to the nominal dimensions.
-
-    The difference from the nominal stiffness is linear in the logarithms of the dimensions.
-    """
+    """Return the stiffness of the simulated rod for a specimen with nearly nominal dimensions."""
     nominal, slopes = once("stiffness", _stiffness_slopes)
     change = np.log([getattr(specimen, key) / getattr(BEAM, key) for key in ("width_mm", "depth_mm", "length_mm")])
     length, hinge, softening = change @ slopes
@@ -137,11 +132,9 @@ def stiffness_near(specimen: Specimen) -> Stiffness:
 
 
 def _solid_over_rod(field_mT: float, moduli_Pa: Sequence[float] = _CORRECTED_PA) -> np.ndarray:
-    """Return ln(frequency of a solid model / frequency of a rod model of the same beam) for each modulus, (moduli,).
+    """Return ln(frequency of the solid model / frequency of the rod) of a beam for n moduli, shape (n,).
 
-    The measurements are simulated with the rod, and their frequencies are corrected by this result. ``moduli_Pa`` are
-    moduli in the equilibrium; in the vibration the material is stiffer by the factor `_STIFFER`. The solid has 4
-    elements across. The effect of smaller elements is computed with a planar model.
+    ``moduli_Pa`` are moduli in equilibrium; a vibration is stiffer by the factor `_STIFFER`.
     """
     loads, ratios = in_field(field_mT), []
     rod = Rod(BEAM, stiffness_near(BEAM))
@@ -176,10 +169,7 @@ def _loads(field_mT: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _static_angles() -> tuple[np.ndarray, np.ndarray]:
-    """Return a table of static shapes of the nominal beam: M moduli, and the rotations of the tip in K fields.
-
-    The moduli (Pa) increase and have the shape (M,). The rotations (degrees) have the shape (M, K).
-    """
+    """Return M increasing moduli (Pa), (M,), and the tip rotations (degrees) of the beam in K fields, (M, K)."""
     moduli = np.geomspace(24e3, 90e3, 14)
     fields = Loads.along([field for field, _ in FIELDS if field])
     nominal = SolidBeside(BEAM, 16, 2)
@@ -189,11 +179,9 @@ def _static_angles() -> tuple[np.ndarray, np.ndarray]:
 def measured(
     rng: np.random.Generator, instantaneous_Pa: float, series: Prony, is_whole: bool
 ) -> tuple[list[RecordedMotion], StaticStates, float]:
-    """Return a virtual measurement of a material: recorded motions with noise, static states, and the moment.
+    """Return a simulated measurement: recorded motions, static states, and the magnetic moment / nominal moment.
 
-    The moment is the true magnetic moment, divided by the nominal moment. If `is_whole` is true, the recordings show
-    vibrations and creep. Otherwise they show the creep alone, and frequency and loss of each vibration are kept aside
-    in a dictionary (`REDUCED`), from which the fit takes them.
+    The recordings show vibrations and creep if `is_whole` is true, else creep alone.
     """
     at_rest = instantaneous_Pa * float(series.long_term)
     HIDDEN.append(np.log([at_rest, *(series.g / series.long_term), *series.tau_s, 1.0]))
@@ -239,12 +227,7 @@ HIDDEN: list[np.ndarray] = []
 
 
 def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
-    """Return the vibration of a simulated recording from its known frequency and loss, so that no fit is needed.
-
-    A fit calls this function in place of `decay_of`, which would fit a vibration to the recording. This saves time.
-    ``label`` is the name of the recording. The vibration is used from an amplitude of 5 % of the beam's length down to
-    0.4 times the noise of a position.
-    """
+    """Return the known vibration of a simulated recording ``label``; fits call this in place of `decay_of`."""
     mode = REDUCED[label]
     decays_per_s = -mode.rate.real
     first, last = (np.log(AMPLITUDE_MM / size) / decays_per_s for size in (0.05 * BEAM.length_mm, 0.4 * NOISE_MM))
@@ -260,11 +243,7 @@ def _reduced_decay(signals: Signals, label: str, *_: Any, **__: Any) -> Decay:
 
 @contextmanager
 def reduced() -> Iterator[None]:
-    """While the `with` block runs, simplify all fits, so that they take less time.
-
-    The vibrations of the recordings are known and not fitted. A Prony series of two terms is fitted, and the fit starts
-    at the hidden law. Steps that do not change this fit are left out.
-    """
+    """Simplify all fits in the `with` block, so that they take less time."""
     draw, last = law_of_time.drawn, np.zeros((0, 0))
 
     def drawn(*arguments: Any, of_sources: bool = True) -> np.ndarray:
@@ -293,15 +272,9 @@ def reduced() -> Iterator[None]:
 
 
 def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
-    """Draw a hidden material from a seed, simulate a measurement of it, and fit the measurement.
+    """Draw a material from a seed, simulate its measurement, fit the measurement, and return the result.
 
-    If `is_whole` is true, the recordings show vibrations and creep; otherwise they show the creep alone.
-
-    Returns
-    -------
-    dict
-        The seed, the number of terms, chi-square, the number of residuals, the doubts (warnings), the processor time
-        in s, and for each quantity the hidden value, the fitted value and its 95 % interval.
+    The result has the true value, the fitted value and the 95 % interval of each quantity, and numbers about the fit.
     """
     began, rng = time.process_time(), np.random.default_rng([seed, 31])
     instantaneous, series = drawn_material(rng)
@@ -340,7 +313,7 @@ def outcome(seed: int, is_whole: bool) -> dict[str, Any]:
 
 
 def table_of(outcomes: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Yield the lines of the table: for each quantity, how many of the intervals contain the hidden value."""
+    """Yield the lines of the table, one for each quantity."""
     yield "| quantity | draws | half-width, % | hold, % | chance | below, above | mean error, % | width over needed |"
     yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
     for name in outcomes[0]["quantities"]:
@@ -360,7 +333,7 @@ def table_of(outcomes: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Simulate and fit materials that are not in the output file yet, and print the table of all materials in it."""
+    """Fit the draws that are not in the file yet, and print the table of all draws."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=500, help="number of hidden materials in the file at the end")
     parser.add_argument("--first", type=int, default=1, help="seed of the first material")

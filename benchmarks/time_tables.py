@@ -1,7 +1,4 @@
-"""Compute the tables of frequencies for viscoelastic fits once, and use them for many simulated measurements.
-
-`benchmarks.time_coverage` simulates and fits these measurements.
-"""
+"""Compute tables of frequencies for viscoelastic fits once, and share them between many simulated measurements."""
 
 from __future__ import annotations
 
@@ -28,18 +25,14 @@ _KEPT: dict[Any, Any] = {}
 
 
 def once(key: Any, compute: Callable[[], Any]) -> Any:
-    """Return the result of a computation, and keep it for later calls with the same key."""
+    """Return the result of a computation, kept for later calls with the same key."""
     if key not in _KEPT:
         _KEPT[key] = compute()
     return _KEPT[key]
 
 
 class KeptTable(RingTable):
-    """A table of the frequencies of a beam for a range of moduli, which several fits share.
-
-    The table also keeps how errors of uncertain inputs, such as the width, change the frequencies. This is computed
-    when a fit first asks for it.
-    """
+    """The frequencies of a beam for a range of moduli, which several fits share."""
 
     def effects(self, sources: Any) -> Any:
         if not hasattr(self, "_effects"):
@@ -49,14 +42,9 @@ class KeptTable(RingTable):
 
 @contextmanager
 def tables_shared(store: Path) -> Iterator[None]:
-    """While the `with` block runs, compute each table of frequencies and each curve of loads once for all fits.
+    """Share the tables of frequencies and the curves of loads of all fits in the `with` block.
 
-    A table contains the frequencies of a beam for a range of moduli. A curve contains the moment of the loads for a
-    range of rotations of the tip. A fit computes both at its own modulus. Here they are computed only at a few moduli,
-    whose logarithms are multiples of `TABLE_STEP`, and a fit uses the nearest of them. Fits with similar moduli thus
-    share a table.
-
-    At the end, tables and curves are written to the file `store`. The next run of the benchmark reads them from it.
+    They are read from the file `store`, and written to this file at the end.
     """
     _KEPT.update(pickle.loads(store.read_bytes()) if store.exists() else {})
     loaded = len(_KEPT)

@@ -1,4 +1,4 @@
-"""Measure the duration of a function: once, or the shortest of several runs."""
+"""Measure the duration of a function, once or as the shortest of several runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def timed(run: Callable[[], T], clock: Callable[[], float] = time.perf_counter) -> tuple[float, T]:
-    """Run a function once; return the duration (s, on `clock`) and the result."""
+    """Run a function once; return the duration (s) and the result."""
     began = clock()
     result = run()
     return clock() - began, result

@@ -1,24 +1,28 @@
-"""Count the 95 % intervals that contain the truth if each input has its usual uncertainty.
+"""Count the 95 % intervals of the modulus that contain the truth if each input has its usual error.
 
 python -m benchmarks.usual_imperfections [--experiments 2000] [--full 24] [--seed 1] [--workers 2]
 
-Each experiment is a virtual measurement, as in `benchmarks.coverage`: a Neo-Hookean beam, whose modulus the fit does
-not know, is simulated on 26 x 3 elements. A source is an input with an uncertainty. The true values of all sources are
-drawn at random with their usual standard uncertainties: 3 degrees for the direction of magnetisation, 0.1 mm for the
-shape at rest, 0.02 mm for the taper, and the usual values (`Source.usual`) for the background field, the gradient of
-the coil's field, scale, clamp, angles and dimensions. The edges get noise; no pictures are rendered.
-
-There are two kinds of fits, because full fits of all experiments would take too long.
-
-- A full fit is made of some experiments, ``--full`` in all, which contain every beam and every level of noise. It has
-  the same local optimisation, corrections, budget (the contribution of each source to the uncertainty) and random draws
-  as `eimi fit`.
-- A quick fit is made of every experiment. It minimises the same objective. The beam is not simulated in each fit: each
-  nominal specimen is simulated once with 21 moduli, and the error of each state is interpolated by cubic splines. The
-  interval has the mean width (in logarithms) of the full fits with the same beam and noise.
-
-The last lines compare full and quick fits of the same experiments.
+Each experiment is a simulated beam with random errors of its inputs and noise on its edges. Every experiment gets a
+quick fit, which interpolates between simulated beams. ``--full`` experiments in all also get a full fit, as by `eimi
+fit`, whose interval gives the width for the quick fits. The last lines compare both fits.
 """
+
+# Each experiment is a virtual measurement, as in `benchmarks.coverage`: a Neo-Hookean beam, whose modulus the fit does
+# not know, is simulated on 26 x 3 elements. A source is an input with an uncertainty. The true values of all sources
+# are drawn at random with their usual standard uncertainties: 3 degrees for the direction of magnetisation, 0.1 mm for
+# the shape at rest, 0.02 mm for the taper, and the usual values (`Source.usual`) for the background field, the gradient
+# of the coil's field, scale, clamp, angles and dimensions. The edges get noise; no pictures are rendered.
+#
+# There are two kinds of fits, because full fits of all experiments would take too long.
+#
+# - A full fit is made of some experiments, ``--full`` in all, which contain every beam and every level of noise. It has
+#   the same local optimisation, corrections, budget (the contribution of each source to the uncertainty) and random
+#   draws as `eimi fit`.
+# - A quick fit is made of every experiment. It minimises the same objective. The beam is not simulated in each fit:
+#   each nominal specimen is simulated once with 21 moduli, and the error of each state is interpolated by cubic
+#   splines. The interval has the mean width (in logarithms) of the full fits with the same beam and noise.
+#
+# The last lines compare full and quick fits of the same experiments.
 
 from __future__ import annotations
 
@@ -59,14 +63,14 @@ FINE = np.linspace(LOG_MODULI[0], LOG_MODULI[-1], 3201)
 
 @cache
 def nominal(specimen: Specimen) -> tuple[BeamModel, Shapes]:
-    """Return the nominal beam model of a specimen, and the bent shapes of this beam for 21 moduli."""
+    """Return the nominal beam model of a specimen, and its bent shapes for 21 moduli."""
     model = BeamModel(specimen, ALONG, ACROSS, specimen.planar_section)
     moduli = COORDINATES["neo-hookean"][0] * np.exp(LOG_MODULI)
     return model, model.solve(LAWS["neo-hookean"], moduli[:, None], Loads.along(FIELD_MT), tolerance_mm=1e-3)
 
 
 def logarithm(case: Case) -> float:
-    """Fit one experiment by interpolation between simulated beams, and return ln(identified modulus / true modulus)."""
+    """Fit one experiment by interpolation between simulated beams; return ln(fitted modulus / true modulus)."""
     rng = np.random.default_rng([case.seed, case.number])
     observed = measured(case, deviations_drawn(rng, case.stated), rng).observed
     model, shapes = nominal(case.specimen)
@@ -76,16 +80,14 @@ def logarithm(case: Case) -> float:
 
 
 def kind(case: Case) -> tuple[str, float]:
-    """Return the group of an experiment: the dimensions of its beam (mm, as a text) and the noise of its edges (mm)."""
+    """Return the dimensions of the beam (mm, as text) and the noise of its edges (mm)."""
     return f"{case.specimen.length_mm:g} x {case.specimen.width_mm:g} x {case.specimen.depth_mm:g}", case.noise_mm
 
 
 def mean_ends(full: Sequence[Outcome]) -> Ends:
-    """Return the mean 95 % interval of the modulus, relative to the modulus, for each beam and each level of noise.
+    """Return the mean 95 % interval of the fits `full`, as ln(lower end / modulus) and ln(upper end / modulus).
 
-    The keys of the result are the dimensions of the beam (as a text) and the noise (mm). Each value consists of the
-    mean of ln(lower end / modulus) and the mean of ln(upper end / modulus) over the fits `full` with this beam and
-    noise.
+    The mean is taken for each beam (dimensions as text) and noise (mm), which are the keys of the result.
     """
     groups: dict[tuple[str, float], list[Array]] = {}
     for o in full:
@@ -95,10 +97,9 @@ def mean_ends(full: Sequence[Outcome]) -> Ends:
 
 
 def quick(case: Case, ends: Ends) -> Outcome:
-    """Fit one experiment by interpolation between simulated beams, and return the modulus with a 95 % interval.
+    """Fit one experiment by interpolation between simulated beams; return the modulus with a 95 % interval.
 
-    The interval is as wide, relative to the modulus, as in the full fits with the same beam and noise; `ends` contains
-    these mean widths.
+    `ends` contains the mean 95 % intervals of full fits, for each beam and noise.
     """
     value, (low, high) = logarithm(case), ends[kind(case)]
     interval = (float(np.exp(value + low)), float(np.exp(value + high)))
@@ -106,17 +107,17 @@ def quick(case: Case, ends: Ends) -> Outcome:
 
 
 def holds(o: Outcome) -> bool:
-    """Return whether the 95 % interval of the modulus in the outcome `o` contains the true modulus."""
+    """Return whether the 95 % interval of the modulus contains the true modulus."""
     return o.interval[0] <= 1 <= o.interval[1]
 
 
 def width(o: Outcome) -> float:
-    """Return the width ln(upper end / lower end) of the 95 % interval of the modulus in the outcome `o`."""
+    """Return the width ln(upper end / lower end) of the 95 % interval of the modulus."""
     return float(np.log(o.interval[1] / o.interval[0]))
 
 
 def main() -> None:
-    """Print how many 95 % intervals contain the true modulus, and compare the full fits with the simplified fits."""
+    """Print how many intervals contain the true modulus, and compare the full with the quick fits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--full", type=int, default=24, help="number of experiments that are fitted in full")
