@@ -1,10 +1,7 @@
 """Turn the edges of bent beams into linear equations for the coefficients of the terms of a strain energy.
 
-The edges are linearised about a law that is close to the solution. The residuals for this law are computed with the
-most accurate model of the specimen: the three-dimensional model for a solid section, and a planar model with a finer
-mesh for other sections. The derivatives of the residuals are finite differences, computed with the coarser planar
-model. The error of the derivatives has little effect, because all compared laws bend the beam by almost the same
-amount.
+The equations are linearised about a law close to the solution. The residuals are those of the most accurate beam model;
+their derivatives are finite differences of a coarser planar model.
 """
 
 from __future__ import annotations
@@ -46,19 +43,15 @@ class NoEquilibrium(Exception):
 def scale_deviation(lot: float) -> float:
     """Return the relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens).
 
-    The ratio differs from 1 because beams and tensile specimens come from different production lots, and because of
-    errors of the beam model.
-
     Parameters
     ----------
     lot : float
-        Relative standard deviation of the ratio due to the different lots alone.
+        Relative standard deviation of the ratio that is due to different production lots alone.
 
     Returns
     -------
     float
-        sqrt(lot^2 + model^2). Here ``model`` is the relative standard deviation due to errors of the beam model alone,
-        0.15 % / 1.96; 0.15 % is half the width of the 95 % interval.
+        Standard deviation due to different lots and to errors of the beam model.
     """
     return float(np.hypot(lot, _MODEL))
 
@@ -66,35 +59,33 @@ def scale_deviation(lot: float) -> float:
 def bending_rows(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float
 ) -> tuple[Rows, list[float]]:
-    """Return linear equations for the coefficients of J terms of a law from the edges of bent beams.
+    """Return linear equations for the coefficients of the terms of a strain energy from the edges of bent beams.
 
-    The equations are exact to first order near the coefficients ``about``. Further unknowns of the equations are errors
-    of inputs, such as the clamp's position.
+    Further unknowns are errors of inputs, such as the clamp's position.
 
     Parameters
     ----------
     experiments : sequence of Experiment
         The bent beams.
     terms : sequence of Term
-        The J terms of the library.
+        J terms of the strain energy.
     about : array, shape (J,)
-        Coefficients in Pa of the law about which the edges are linearised.
+        Coefficients (Pa) near the solution.
     lot : float
-        Relative standard deviation of the ratio of the modulus of the beams to that of the tensile specimens, which may
-        come from another production lot.
+        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens) between
+        production lots.
 
     Returns
     -------
     Rows
         The equations of all beams.
     list of float
-        Standard deviation of the noise of each experiment in mm.
+        Standard deviation of the noise of each beam, mm.
 
     Raises
     ------
     NoEquilibrium
-        If, for each of the four factors 1, 1.01, 0.99 and 1.03, a beam has no equilibrium with the coefficients
-        ``about`` times this factor.
+        If a beam has no equilibrium with coefficients close to ``about``.
     """
     for factor in _STIFFNESS_FACTORS:
         try:
@@ -126,10 +117,9 @@ def _rows_about(
 
 
 def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Misfit, Array]:
-    """Return the residuals of the most accurate beam model, and the standard deviation of the error of this model.
+    """Return the residuals by the most accurate beam model, and the standard deviation of its error, in mm, (K, G, m).
 
-    Both are in mm. The deviation has the shape (K, G, m) for K states and G = 2 groups of m points (the two edges, or x
-    and y of tracked points).
+    K states, G = 2 groups of m points (the two edges, or x and y of tracked points).
     """
     (refinement,) = refinements([experiment])
     coarse, best = (_misfit(model, law, about)[0] for model in (polished(experiment), refinement.better(experiment)))
@@ -139,9 +129,9 @@ def _refined(experiment: Experiment, law: SumOfTerms, about: Array) -> tuple[Mis
 def _misfit(
     experiment: Experiment, law: SumOfTerms, coefficients: Array, near: Configuration | None = None
 ) -> tuple[Misfit, Configuration | None]:
-    """Simulate a beam; return its residuals, and its simulated shape (None for a three-dimensional model).
+    """Simulate a beam; return its residuals, and its shape (None for a three-dimensional model).
 
-    coefficients: those of the J terms of the law in Pa, (J,). near: a shape from which the solution starts.
+    coefficients: those of the law, Pa. near: a shape from which the solution starts.
     """
     model, loads, candidate = experiment.solved, experiment.loads, coefficients[None]
     if isinstance(model, BeamModel):
@@ -153,11 +143,11 @@ def _misfit(
     return experiment.observed.misfit(model, shapes, None, experiment.change), shapes.every
 
 
+# The error of these derivatives has little effect, because all compared laws bend the beam by almost the same amount.
 def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
-    """Return the derivatives of the residuals by the J coefficients of the law, in mm/Pa, (J, K, G, m).
+    """Return the derivatives of the residuals by the J coefficients, in mm/Pa, (J, K, G, m).
 
-    They are computed at the coefficients ``about``, (J,). There are K states, and G = 2 groups of m points (the two
-    edges, or x and y of tracked points).
+    K states, G = 2 groups of m points (the two edges, or x and y of tracked points).
     """
     planar = polished(experiment)
     unit_stress = stress_columns(law.terms, np.array([BENT_STRAIN]))[0]
@@ -169,11 +159,9 @@ def _slopes(experiment: Experiment, law: SumOfTerms, about: Array) -> Array:
 
 
 def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, about: Array) -> list[list[Array | None]]:
-    """Return how much the residuals change, in mm, if one uncertain input changes by its standard uncertainty.
+    """Return the changes of the residuals (mm) if one uncertain input changes by its standard uncertainty.
 
-    The outer list has one row for each part of an input, such as x of the clamp. A row has one array (K, G, m) for each
-    experiment, or None for an experiment without this input. There are K states and G = 2 groups of m points (the two
-    edges, or x and y of tracked points). about: the coefficients of the law in Pa.
+    Rows: parts of inputs, such as x of the clamp. Each row has an array (states, 2, points) or None for each beam.
     """
     any_law = LAWS["neo-hookean"]  # the list of sources depends on the experiments, not on the law
     groups = sources_of(Problem(any_law, Unknowns(search_space(any_law)), tuple(experiments)))
@@ -193,26 +181,12 @@ def _changes_by_sources(experiments: Sequence[Experiment], law: SumOfTerms, abou
 def _whitened(
     experiment: Experiment, misfit: Misfit, model_error: Array, slopes: Array, nuisances: Array, about: Array
 ) -> tuple[Rows, float]:
-    """Return the equations of one experiment, transformed so that their errors are independent, and the noise in mm.
+    """Return the equations of one beam, transformed to independent errors of variance 1, and the noise in mm.
 
-    The errors of the equations have the variance 1. The unknowns are the coefficients of the law and the nuisances
-    (errors of inputs).
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The bent beam.
-    misfit : Misfit
-        The residuals that the most accurate beam model has with the coefficients ``about``.
-    model_error : ndarray, shape (K, G, m)
-        Error of the beam model in mm, in K states: G = 2 groups (left and right edge, or x and y of tracked points) of
-        m points.
-    slopes : ndarray, shape (J, K, G, m)
-        Derivatives of the residuals by the J coefficients in mm/Pa.
-    nuisances : ndarray, shape (q, K, G, m)
-        Changes of the residuals in mm, if one of the q nuisances has the size of its standard uncertainty.
-    about : ndarray, shape (J,)
-        Coefficients in Pa of the law about which the edges are linearised.
+    Shapes, for K states and 2 groups of m points: model_error (K, 2, m), slopes (J, K, 2, m), nuisances (q, K, 2, m).
+    model_error: error of the beam model, mm. slopes: derivatives of the residuals by the J coefficients, mm/Pa.
+    nuisances:
+    changes of the residuals (mm) for q errors of inputs of one standard uncertainty. about: the J coefficients, Pa.
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
@@ -243,10 +217,7 @@ def _whitened(
 
 
 def _inverse_root(deviation: Array) -> Array:
-    """Return the matrix (I + d d^T)^(-1/2), (m, m), with the identity I and d = ``deviation``, (m,).
-
-    The product of this matrix and errors with the covariance I + d d^T is a vector of independent errors.
-    """
+    """Return the matrix (I + d d^T)^(-1/2), shape (m, m), for the identity I and the vector d = ``deviation``, (m,)."""
     square = float(deviation @ deviation)
     if square == 0.0:
         return np.eye(len(deviation))
@@ -254,10 +225,7 @@ def _inverse_root(deviation: Array) -> Array:
 
 
 def _residual_of_all_columns(rows: Rows) -> float:
-    """Return the root mean square residual of the least-squares fit of all terms to one beam, in units of the noise.
-
-    A value well above 1 shows that the beam model is wrong.
-    """
+    """Return the root mean square residual of the least-squares fit of all terms to one beam, in units of the noise."""
     columns = np.column_stack([rows.columns, rows.nuisances])
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(size > 0, size, 1.0)

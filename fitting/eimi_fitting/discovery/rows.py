@@ -1,10 +1,9 @@
-"""Linear equations for the coefficients of the terms of a hyperelastic law, divided by the noise of the measurement.
+"""Linear equations for the coefficients of the terms of a hyperelastic law.
 
     observed = columns @ coefficients + nuisances @ amplitudes + noise
 
-``noise`` has unit variance. A nuisance is an error of an input, such as a width, or a common error of the modulus of
-all beams. Its size in standard uncertainties is one of the ``amplitudes``, which have a normal prior with mean 0 and
-standard deviation 1.
+``noise`` has unit variance. ``amplitudes`` are errors of inputs, such as a width, divided by their standard
+uncertainties, with a standard normal prior. ``nuisances`` are the effects of these errors.
 """
 
 from __future__ import annotations
@@ -21,20 +20,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Rows:
-    """N linear equations for the coefficients of J terms of a law and the amplitudes of q nuisances.
-
-    A nuisance is an error of an input, such as a width; its amplitude is the error in standard uncertainties.
+    """N linear equations for J coefficients of a law and q errors of inputs, such as a width (nuisances).
 
     Parameters
     ----------
     observed : array, shape (N,)
-        Left-hand sides, in units of the noise.
+        Measured values, in units of the noise.
     columns : array, shape (N, J)
-        Change of each left-hand side for a coefficient of 1 Pa.
+        Change of each value for a coefficient of 1 Pa.
     nuisances : array, shape (N, q)
-        Change of each left-hand side for a nuisance amplitude of one.
+        Change of each value for an input error of one standard uncertainty.
     groups : array of int, shape (N,)
-        Group of each equation. Cross-validation omits all equations of a group at the same time.
+        Group of each equation; cross-validation leaves out whole groups.
     """
 
     observed: Array
@@ -43,14 +40,11 @@ class Rows:
     groups: NDArray[np.intp]
 
     def with_noise_times(self, factor: float) -> Rows:
-        """Divide both sides of each equation by ``factor``, for noise that is ``factor`` times as large."""
+        """Return the equations divided by ``factor``, for noise that is ``factor`` times as large."""
         return Rows(self.observed / factor, self.columns / factor, self.nuisances / factor, self.groups)
 
     def fit_all_terms(self) -> tuple[Array, Array]:
-        """Return the non-negative coefficients of all J terms in Pa, (J,), and the q errors of inputs, (q,).
-
-        The errors are in standard uncertainties.
-        """
+        """Return the J non-negative coefficients (Pa), and the q errors of inputs in standard uncertainties."""
         j, q = self.columns.shape[1], self.nuisances.shape[1]
         prior = np.hstack([np.zeros((q, j)), np.eye(q), -np.eye(q)])
         columns = np.vstack([np.hstack([self.columns, self.nuisances, -self.nuisances]), prior])
@@ -59,7 +53,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
-        """Join the equations of all ``parts``; column i of ``nuisances`` belongs to the same unknown in every part."""
+        """Join the equations of all ``parts``, which have the same unknowns."""
         width = max(part.nuisances.shape[1] for part in parts)
         counts = np.cumsum([0, *(int(part.groups.max(initial=-1)) + 1 for part in parts)])
         return Rows(
@@ -71,9 +65,7 @@ class Rows:
 
 
 def non_negative(columns: Array, observed: Array) -> Array:
-    """Return the J non-negative coefficients x that minimise |columns x - observed|^2, shape (J,).
-
-    ``columns`` has the shape (N, J) and ``observed`` the shape (N,).
+    """Return the non-negative vector x, shape (J,), that minimises |columns x - observed|^2.
 
     References
     ----------

@@ -1,22 +1,30 @@
 """Fit every small set of terms of a law, and find the sets that the data cannot distinguish from the best set.
 
-1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
-2. Each set gets a sum S of squared prediction errors by cross-validation: every equation is predicted by a fit without
-   its group (the equations with correlated errors), in at most 20 folds (Hastie, Tibshirani, Friedman 2009, The
-   Elements of Statistical Learning, section 7.10). The best set has the smallest sum, S_best.
-3. A set is compatible with the data if noise can explain that S is larger than S_best. Noise of unit variance changes
-   S - S_best with the standard error 2 |delta|, where the vector delta is the difference between the predictions of the
-   two sets. A set is compatible if
+S is the sum of squared prediction errors of a set in a cross-validation, and S_best the smallest S. A set agrees with
+the data if S - S_best <= 1.5 * 2 |delta|, where the vector delta is the difference between the predictions of this set
+and of the best set, in units of the noise, and 2 |delta| is the standard error of S - S_best.
 
-       S - S_best <= 1.5 * 2 |delta|.
-
-   This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. It rarely rejects the
-   true set, which has the terms of the material's law. If the best set contains the true set, its superfluous terms
-   fit noise, which reduces S by at most |delta|^2. The true set is then rejected only if |delta| exceeds three standard
-   deviations of the noise.
-4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
-   compatible set contains it. An upper limit is then computed for the coefficient of each further term.
+References
+----------
+Hastie, Tibshirani, Friedman (2009), The Elements of Statistical Learning, section 7.10 (one-standard-error rule).
 """
+
+# 1. Every set of up to ``most_terms`` terms is fitted. A set is dropped if one of its coefficients is not positive.
+# 2. Each set gets a sum S of squared prediction errors by cross-validation: every equation is predicted by a fit
+#    without its group (the equations with correlated errors), in at most 20 folds (Hastie, Tibshirani, Friedman 2009,
+#    The Elements of Statistical Learning, section 7.10). The best set has the smallest sum, S_best.
+# 3. A set is compatible with the data if noise can explain that S is larger than S_best. Noise of unit variance changes
+#    S - S_best with the standard error 2 |delta|, where the vector delta is the difference between the predictions of
+#    the two sets. A set is compatible if
+#
+#        S - S_best <= 1.5 * 2 |delta|.
+#
+#    This rule resembles the one-standard-error rule of the same section, with 1.5 in place of 1. It rarely rejects the
+#    true set, which has the terms of the material's law. If the best set contains the true set, its superfluous terms
+#    fit noise, which reduces S by at most |delta|^2. The true set is then rejected only if |delta| exceeds three
+#    standard deviations of the noise.
+# 4. The result is the compatible sets that contain no smaller compatible set. If there is only one such set, every
+#    compatible set contains it. An upper limit is then computed for the coefficient of each further term.
 
 from __future__ import annotations
 
@@ -44,14 +52,13 @@ class Support:
     terms : tuple of int
         Indices of the terms in the library.
     coefficients, standard_errors : array, shape (k,)
-        Coefficient of each term and its standard error in Pa, on the assumption that the law has exactly these k terms.
+        Coefficients and their standard errors, Pa, if the law has exactly these terms.
     amplitudes : array, shape (q,)
-        Amplitudes of the q nuisances: errors of inputs, such as a width, in standard uncertainties.
+        Errors of q inputs, such as a width, in standard uncertainties.
     prediction_errors : array, shape (N,)
-        Error with which each equation is predicted by a fit to the other groups of equations (cross-validation), in
-        units of the noise.
+        Error of each equation in the cross-validation, in units of the noise.
     excess : float
-        Sum of the squared prediction errors of this set, minus the smallest such sum of all sets of terms.
+        Sum of the squared prediction errors, minus the smallest such sum of all sets.
     excess_error : float
         Standard error of ``excess``.
     """
@@ -66,12 +73,12 @@ class Support:
 
     @property
     def held_out_error(self) -> float:
-        """Root mean square error of this set of terms for equations left out of its fit, in units of the noise."""
+        """Root mean square prediction error of the cross-validation, in units of the noise."""
         return float(np.sqrt(np.mean(self.prediction_errors**2)))
 
     @property
     def is_compatible(self) -> bool:
-        """Whether noise can explain that this set predicts worse than the set with the smallest prediction error."""
+        """Whether noise can explain that this set of terms predicts worse than the best set."""
         return self.excess <= _STANDARD_ERRORS * self.excess_error
 
 
@@ -81,17 +88,16 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
     Parameters
     ----------
     rows : Rows
-        The equations for the coefficients of J terms.
+        Equations for the coefficients of J terms.
     has_modulus : array of bool, shape (J,)
-        Whether each term contributes to the initial shear modulus.
+        Whether a term contributes to the initial shear modulus.
     most_terms : int
         Largest number of terms in a set.
 
     Returns
     -------
     tuple of Support
-        The sets whose coefficients and initial shear modulus are positive. The set with the smallest prediction error
-        comes first.
+        Sets with a positive initial shear modulus; the set with the smallest prediction error comes first.
     """
     fitted = [
         support
@@ -105,11 +111,7 @@ def supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tup
 
 
 def minimal(candidates: tuple[Support, ...]) -> tuple[Support, ...]:
-    """Return the sets of terms that agree with the data and do not contain a smaller set that agrees.
-
-    A set agrees with the data if noise can explain that it predicts worse than the set with the smallest prediction
-    error.
-    """
+    """Return the sets of terms that agree with the data and do not contain a smaller set that agrees."""
     compatible = [support for support in candidates if support.is_compatible]
     smallest = [
         support for support in compatible if not any(set(other.terms) < set(support.terms) for other in compatible)
@@ -123,9 +125,7 @@ def upper_coefficients(rows: Rows, terms: tuple[int, ...]) -> Array:
     Returns
     -------
     array, shape (J,)
-        Upper end of the 95 % interval of the coefficient of each term, in Pa. The value is 0 for a term of the set
-        ``terms``. It is infinite for a term whose effect on the data (its column in ``rows``) is a linear combination
-        of the effects of the set.
+        Upper end of the 95 % interval, Pa; 0 for terms of the set, infinity for terms whose effect the set can imitate.
     """
     upper = np.zeros(rows.columns.shape[1])
     for further in set(range(len(upper))) - set(terms):
@@ -140,7 +140,7 @@ def _sets(count: int, most: int) -> Iterator[tuple[int, ...]]:
 
 
 def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
-    """Return the least-squares fit of a set of terms; None if the effects of these terms are linearly dependent."""
+    """Return the least-squares fit of a set of terms; None if the effects of the terms are linearly dependent."""
     k, q = len(terms), rows.nuisances.shape[1]
     columns = np.column_stack([rows.columns[:, terms], rows.nuisances])
     prior = np.column_stack([np.zeros((q, k)), np.eye(q)])
@@ -167,10 +167,7 @@ def _fitted(rows: Rows, terms: tuple[int, ...]) -> Support | None:
 
 
 def _compared(support: Support, best: Support) -> Support:
-    """Return a copy of the set ``support`` with its ``excess`` and the standard error of this excess.
-
-    The excess is the sum of the squared prediction errors of ``support`` minus that of the set ``best``.
-    """
+    """Return a copy of ``support`` with its excess of squared prediction errors over the set ``best``."""
     errors, best_errors = support.prediction_errors, best.prediction_errors
     excess = float(errors @ errors - best_errors @ best_errors)
     return replace(support, excess=excess, excess_error=2 * float(np.linalg.norm(errors - best_errors)))

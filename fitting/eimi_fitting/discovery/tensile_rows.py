@@ -1,7 +1,4 @@
-"""Turn a tensile curve into linear equations for the coefficients of the terms of a hyperelastic law.
-
-The equations are exact, because the engineering stress is linear in the coefficients.
-"""
+"""Turn a tensile curve into linear equations for the coefficients of the terms of a hyperelastic law."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ _FLOOR = 1e-4  # smallest noise, as a share of the largest stress (assumed: no t
 
 
 def stress_columns(terms: Sequence[Term], strain: Array) -> Array:
-    """Return the engineering stress in Pa of J terms with coefficients of 1 Pa at m strains, shape (m, J)."""
+    """Return the engineering stress (Pa) of each of J terms with the coefficient 1 Pa at m strains, shape (m, J)."""
     return engineering_stress(SumOfTerms(tuple(terms)), np.eye(len(terms)), strain).T
 
 
@@ -40,12 +37,12 @@ def tensile_rows(curve: TensileCurve, terms: Sequence[Term]) -> tuple[Rows, floa
     Rows
         One equation for each row of the curve.
     float
-        Standard deviation of the noise in Pa, by which the equations are divided.
+        Standard deviation of the noise, Pa.
 
     Raises
     ------
     CannotFit
-        If the curve does not have more rows than there are terms, or if every stress is zero.
+        If the curve has too few rows, or if every stress is zero.
     """
     count = len(curve.strain)
     if count <= len(terms):

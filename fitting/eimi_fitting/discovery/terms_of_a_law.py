@@ -1,8 +1,6 @@
 """Find the terms of a hyperelastic law from bent beams and tensile curves, if the data determine the terms.
 
-The residuals of the bending tests are linearised about a law close to the solution and joined with the tensile curves.
-All small sets of terms are fitted. The result is the sets that, apart from noise, predict the data as well as the set
-with the smallest prediction error, and that contain no smaller such set.
+All small sets of terms are fitted. The result is the smallest sets that agree with the data apart from noise.
 """
 
 from __future__ import annotations
@@ -46,11 +44,11 @@ class Alternative:
     terms : tuple of Term
         The k terms.
     coefficients : array, shape (k,)
-        Coefficient of each term in Pa, on the assumption that the law has exactly these terms.
+        Coefficients, Pa, if the law has exactly these terms.
     intervals : array, shape (k, 2)
-        Lower and upper end of the 95 % interval of each coefficient, in Pa.
+        95 % intervals of the coefficients, Pa.
     initial_shear_modulus_Pa : float
-        Initial shear modulus of the law in Pa.
+        Initial shear modulus, Pa.
     held_out_error : float
         Root mean square prediction error of the cross-validation, in units of the noise.
     stable_to : float or None
@@ -72,25 +70,23 @@ class Discovery:
     Parameters
     ----------
     alternatives : tuple of Alternative
-        The sets that agree with the data and contain no smaller set that agrees. A set agrees if noise can explain that
-        it predicts worse than the set with the smallest prediction error. The sets with the fewest terms come first.
+        Sets that agree with the data and contain no smaller set that agrees; the smallest come first.
     open_terms : dict of Term to float
-        Terms that the data neither require nor exclude: each could be added to the law, and could then carry more than
-        15 % of the stress at ``strain``. The values are these shares of the stress. Empty if there are several
-        alternatives.
+        Terms that the data neither require nor exclude, and the share of the stress at ``strain`` that each could
+        carry;
+        empty if there are several alternatives.
     strain : float
-        Largest engineering strain of the tensile curves; 1 if there is no curve.
+        Largest engineering strain of the tensile curves; 1 without a curve.
     library : tuple of Term
-        The terms that were tried.
+        Terms that were tried.
     left_out : tuple of Term
-        The terms that were not tried, because the stress of these terms is not defined at all strains of the tensile
-        curves.
+        Terms that were not tried, because their stress is not defined at all strains of the curves.
     noise_mm : tuple of float
-        Standard deviation of the noise of each experiment in mm.
+        Standard deviation of the noise of each beam, mm.
     noise_Pa : tuple of float
-        Standard deviation of the noise of each tensile curve in Pa.
+        Standard deviation of the noise of each tensile curve, Pa.
     compatible_sets : tuple of tuples of Term
-        All sets that agree with the data, also those that contain a smaller set that agrees.
+        All sets that agree with the data.
     sets : int
         Number of fitted sets whose coefficients are all positive.
     """
@@ -112,15 +108,12 @@ class Discovery:
 
     @property
     def explained(self) -> bool:
-        """Return whether the prediction errors of the first of ``alternatives`` are below 1.5 times the noise.
-
-        Larger errors cannot be noise alone.
-        """
+        """Return whether the prediction errors of the first alternative are below 1.5 times the noise."""
         return self.alternatives[0].held_out_error < _NOISE_ALONE
 
     @property
     def in_all(self) -> tuple[Term, ...]:
-        """Return the terms that occur in all laws that agree with the data (``alternatives``)."""
+        """Return the terms that occur in all ``alternatives``."""
         return tuple(t for t in self.alternatives[0].terms if all(t in a.terms for a in self.alternatives))
 
     @property
@@ -164,17 +157,16 @@ def discover(
     experiments : sequence of Experiment
         Bending tests of one material; may be empty if there is a curve.
     curves : sequence of TensileCurve
-        Tensile curves of the same material; may be empty if there is an experiment.
+        Tensile curves of the same material; may be empty if there is a bending test.
     library : sequence of Term
-        The possible terms, each with fixed numbers (Jm, b or alpha of `Term`). At least one must contribute to the
-        initial shear modulus.
+        Possible terms, with at least one that contributes to the initial shear modulus.
     most_terms : int
         Largest number of terms of a law.
     lot : float
-        Relative standard deviation of the ratio of the modulus of the beams to the modulus of the tensile specimens,
-        which may come from another lot of the material.
+        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens) between
+        production lots.
     modulus_Pa : float, optional
-        Shear modulus in Pa of a Neo-Hookean fit to the experiments. By default this function does the fit.
+        Shear modulus of a Neo-Hookean fit to the bending tests, Pa; by default the fit is made here.
     seed : int
         Seed of the Neo-Hookean fit.
 
@@ -186,14 +178,15 @@ def discover(
     Raises
     ------
     ValueError
-        If there is neither an experiment nor a curve, if the library contains a term twice, or if no term contributes
-        to the initial shear modulus.
+        If there are no data, if the library contains a term twice, or if no usable term contributes to the initial
+        shear
+        modulus.
     CannotFit
         If a tensile curve cannot be used.
     NoEquilibrium
         If a beam has no equilibrium for a law close to the solution.
     Exception
-        An exception of the Neo-Hookean fit, which is done if ``modulus_Pa`` is not given.
+        An exception of the Neo-Hookean fit.
 
     Examples
     --------
@@ -234,16 +227,9 @@ def discover(
 
 
 def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tuple[Rows, tuple[Support, ...], float]:
-    """Fit all small sets of terms; if even the set that predicts best has too large errors, increase the noise.
+    """Fit all small sets of terms; if even the best set has too large errors, increase the noise.
 
-    rows: the equations. has_modulus: whether each term contributes to the initial shear modulus. most_terms: largest
-    number of terms in a set.
-
-    Returns
-    -------
-    tuple
-        The equations divided by the final noise, the fitted sets, and the factor (at least 1) by which the noise was
-        increased.
+    Return the equations divided by the final noise, the fitted sets, and the factor (at least 1) of the noise.
     """
     fitted = supports(rows, has_modulus, most_terms)
     noise_factor = fitted[0].held_out_error
@@ -256,7 +242,7 @@ def _supports(rows: Rows, has_modulus: NDArray[np.bool_], most_terms: int) -> tu
 def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: float) -> dict[Term, float]:
     """Return the terms outside the set ``support`` that could carry more than 15 % of the stress at ``strain``.
 
-    The values of the result are the shares of the stress that they could carry.
+    The values of the result are these possible shares of the stress.
     """
     columns = stress_columns(terms, np.array([strain]))[0]
     stress = upper_coefficients(rows, support.terms) * columns
@@ -265,13 +251,7 @@ def _open_terms(rows: Rows, support: Support, terms: Sequence[Term], strain: flo
 
 
 def _usable(library: Sequence[Term], curves: Sequence[TensileCurve]) -> tuple[tuple[Term, ...], tuple[Term, ...]]:
-    """Return the terms of the library whose stress is defined at all strains of the curves, and the other terms.
-
-    Raises
-    ------
-    ValueError
-        If the library contains a term twice, or if no usable term contributes to the initial shear modulus.
-    """
+    """Return the terms whose stress is defined at all strains of the curves, and the other terms of the library."""
     if len(set(library)) < len(library):
         raise ValueError("the library contains a term twice: give each term once")
     most = max((_ROOM * largest_x(curve.strain) for curve in curves), default=0.0)
@@ -289,10 +269,7 @@ def _modulus_Pa(experiments: Sequence[Experiment], modulus_Pa: float | None, see
 
 
 def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) -> Array:
-    """Return rough coefficients of the J terms in Pa, (J,), from which the linearisation starts.
-
-    modulus_Pa: the shear modulus of the beams. curve_rows: the equations of the tensile curves.
-    """
+    """Return rough coefficients of the J terms (Pa), (J,), at which the linearisation starts."""
     about = np.zeros(len(terms))
     about[next(i for i, term in enumerate(terms) if term.has_modulus)] = 1.0
     if curve_rows:
@@ -306,15 +283,9 @@ def _near(modulus_Pa: float, curve_rows: Sequence[Rows], terms: Sequence[Term]) 
 def _linearised(
     experiments: Sequence[Experiment], terms: Sequence[Term], about: Array, lot: float, curve_rows: Sequence[Rows]
 ) -> tuple[Rows, list[float]]:
-    """Return linear equations for the coefficients of the terms from the edges of all beams, and the noise in mm.
+    """Return linear equations for the coefficients from the edges of all beams, and the noise in mm.
 
-    about: the coefficients at the start. lot: relative standard deviation of the ratio of the modulus of the beams to
-    that of the tensile specimens. curve_rows: the equations of the tensile curves.
-
-    Raises
-    ------
-    NoEquilibrium
-        If a beam has no equilibrium for a law close to the solution.
+    about: the coefficients at the start, Pa. lot: relative standard deviation between production lots.
     """
     previous_noise_mm = np.zeros(0)
     rows, noise_mm = bending_rows(experiments, terms, about, lot)
