@@ -1,4 +1,4 @@
-"""The map between image pixels and millimetres in the beam frame, whose x axis runs along the undeformed beam."""
+"""Map image pixels to millimetres in the beam frame, whose x axis runs along the undeformed beam."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _ITERATIONS, _TOLERANCE = 50, 1e-10
 
 
 def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
-    """Return the points at which a lens without distortion would image the points of an image.
+    """Return image points without the distortion of the lens.
 
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        The n points in the camera's image, px.
+        Points in the camera's image.
     matrix : ndarray, shape (3, 3)
         Camera matrix in OpenCV's convention, px.
     distortion : ndarray, shape (4,), (5,), (8,), (12,) or (14,)
@@ -41,19 +41,15 @@ def undistorted(points_px: Array, matrix: Array, distortion: Array) -> Array:
 
 
 class BeamFrame:
-    """The map between pixels and the beam frame of a calibration.
+    """The map between image pixels and the beam frame.
 
-    The origin of the beam frame is the middle of the clamp line, at which the beam leaves its clamp. The x axis runs
-    along the undeformed beam, away from the clamp. The y axis is perpendicular to the x axis, on the side toward which
-    the positive coil field points. A point p of the image (px) has the coordinates
+    The x axis runs from the clamp along the undeformed beam. The y axis is perpendicular to it, on the side toward
+    which the positive field points. A point p of the undistorted image (px) has the coordinates
 
         x = (p - p0) · a / s,    y = (p - p0) · b / s
 
-    in mm, with the middle of the clamp line p0 (px), the unit vectors a (along x) and b (along y) in the image, and the
-    scale s (px/mm).
-
-    If the calibration has a camera matrix, p and p0 are points of the undistorted image. In the calibration,
-    `clamp_midpoint_px` is a point of the camera's own image, but the angles are measured in the undistorted image.
+    in mm, with the middle of the clamp's edge p0 (px), the unit vectors a (along x) and b (along y) in the image, and
+    the scale s (px/mm).
 
     Parameters
     ----------
@@ -63,9 +59,9 @@ class BeamFrame:
     Attributes
     ----------
     hand : float
-        +1 if the y axis is a quarter turn clockwise of the x axis in the image, -1 if it is anticlockwise.
+        +1 if y is a quarter turn clockwise of x in the image, else -1.
     gravity_deg, field_deg : float
-        Directions of gravity and of the positive field in the beam frame, from +x toward +y, from -180 to 180.
+        Directions of gravity and of the positive field, from +x toward +y, -180 to 180.
 
     Examples
     --------
@@ -90,6 +86,7 @@ class BeamFrame:
         self._axes = np.array([along, across])
         self._matrix = None if calibration.camera_matrix is None else np.array(calibration.camera_matrix)
         self._distortion = np.array(calibration.distortion or ())
+        # The clamp is given in the camera's own image, but the angles are given in the undistorted image.
         self._origin = self._undistort(np.array([calibration.clamp_midpoint_px], dtype=np.float64))[0]
         self._stand_off_mm = None if calibration.telecentric else calibration.stand_off_mm
         self._tilt_deg, self._ruler_px = calibration.camera_tilt_deg or (0.0, 0.0), calibration.ruler_px
@@ -97,26 +94,16 @@ class BeamFrame:
         self.gravity_deg = self._in_beam_frame(calibration.gravity_angle_deg - calibration.axis_angle_deg)
 
     def to_mm(self, points_px: ArrayLike) -> Array:
-        """Convert n points from px in the image to mm in the beam frame, shape (n, 2).
-
-        In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
-        """
+        """Convert points, shape (n, 2), from px in the image to mm along and across the undeformed beam."""
         points = self._undistort(np.asarray(points_px, dtype=np.float64).reshape(-1, 2))
         return (points - self._origin) @ self._axes.T / self._scale
 
     def components(self, vector: tuple[float, float]) -> Array:
-        """Return the components x and y, in the beam frame, of a vector in the image, shape (2,).
-
-        `vector` holds the components of the vector to the right and down in the image. The beam frame has x along the
-        straight beam from the clamp, and y across the beam.
-        """
+        """Return the components along and across the undeformed beam of a vector (right, down) in the image."""
         return np.asarray(self._axes @ np.array(vector))
 
     def to_px(self, points_mm: ArrayLike) -> Array:
-        """Convert n points from mm in the beam frame to px in the image, shape (n, 2).
-
-        In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
-        """
+        """Convert points, shape (n, 2), from mm along and across the undeformed beam to px in the image."""
         points = np.asarray(points_mm, dtype=np.float64).reshape(-1, 2) @ self._axes * self._scale + self._origin
         if self._matrix is None or len(points) == 0:
             return points
@@ -130,9 +117,6 @@ class BeamFrame:
     def view(self, depth_mm: float, size: tuple[int, int]) -> View | None:
         """Return the perspective in which the lens images a specimen of the given depth.
 
-        The optical axis passes through the principal point of the camera matrix. Without a camera matrix, the optical
-        axis passes through the centre of the image.
-
         Parameters
         ----------
         depth_mm : float
@@ -143,12 +127,12 @@ class BeamFrame:
         Returns
         -------
         View or None
-            None for a telecentric lens, or if the calibration does not give the distance from the lens to the beam.
+            None for a telecentric lens, or if the distance from the lens to the beam is unknown.
 
         Raises
         ------
         ValueError
-            If the stand-off (the distance from the lens to the beam) is not more than half of the depth.
+            If this distance is not more than half of the depth.
         """
         if self._stand_off_mm is None:
             return None
@@ -171,9 +155,5 @@ class BeamFrame:
         return undistorted(points, self._matrix, self._distortion)
 
     def _in_beam_frame(self, from_axis_deg: float) -> float:
-        """Convert an angle (degrees) in the image, clockwise from the beam's axis, into the beam frame.
-
-        The returned angle (degrees) is measured from +x (along the beam) toward +y (across the beam), and lies between
-        -180 and 180.
-        """
+        """Convert an angle clockwise from the beam's axis to an angle from +x toward +y, -180 to 180 degrees."""
         return (self.hand * from_axis_deg + 180.0) % 360.0 - 180.0

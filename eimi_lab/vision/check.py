@@ -1,7 +1,4 @@
-"""A quality check of a state (load step), the flag that the check raises, and the severity of the flag.
-
-The table of all checks is in `flags`.
-"""
+"""A quality check of a picture, and the flag that records its failure."""
 
 from __future__ import annotations
 
@@ -11,10 +8,9 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """The consequence of a flag (failed quality check) for the state (load step) that has the flag.
+    """Effect of a failed quality check on the fit.
 
-    UNUSABLE: a fit leaves out the state. DOUBTFUL: a fit uses the state, with a larger standard deviation of the points
-    of the edges. NOTE: the fit is not affected, but a person should read the remedy (advice).
+    UNUSABLE: the fit leaves out the load step. DOUBTFUL: the fit uses larger standard deviations. NOTE: no effect.
     """
 
     UNUSABLE = "unusable"
@@ -33,15 +29,15 @@ class Flag:
     value : float
         The measured value.
     limit : float
-        Limit of the check. The value is above the limit or, for some checks, below the limit.
+        The limit of the check.
     remedy : str
-        A sentence that tells a person what to do.
+        Advice for a person.
     severity : Severity
-        The consequence of the flag for the state.
+        Effect on the fit.
     widens : float
-        Standard deviation that the flag adds to the edge points of the state (the variances are added).
+        Standard deviation that is added to the edge points (as variance).
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of `widens`: a pixel, a millimetre, the specimen's width, or the specimen's depth.
+        Unit of `widens`: a pixel, a millimetre, or the specimen's width or depth.
     """
 
     name: str
@@ -53,9 +49,7 @@ class Flag:
     widens_in: str = "px"
 
     def widens_mm(self, pixels_per_mm: float, width_mm: float, depth_mm: float) -> float:
-        """Convert `widens` to mm: the standard deviation that this flag adds to the edge points of a load step.
-
-        A flag is a failed quality check. `widens` is in the unit `widens_in`.
+        """Return `widens` (standard deviation that is added to the edge points) in mm.
 
         Parameters
         ----------
@@ -71,34 +65,32 @@ class Flag:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One quality check of a state (load step): a row of the table of flags, which lists all checks.
+    """One quality check of a state (load step).
 
     Attributes
     ----------
     name : str
-        Name of the flag that the check raises. Several checks may raise a flag of the same name.
+        Name of the flag that records a failure.
     finding : str
-        Key of the measured value; unique in the table.
+        Unique key of the measured value.
     quantity : str
-        The measured quantity and its unit, as the documentation names them.
+        Measured quantity and unit, in words.
     limit : float
-        Limit of the measured value. The check raises its flag for values above the limit; see `below`.
+        Limit of the measured value.
     remedy : str
-        A sentence that tells a person what to do. The method `flag` replaces the words in braces.
+        Advice for a person, with placeholders in braces.
     picture : str
-        What the example picture in the documentation shows. Of several checks with the same name, only one has a
-        picture.
+        What the example picture in the documentation shows.
     below : bool
-        True if the flag is raised for values below `limit` (and `unusable_beyond`), not for values above.
+        True if values below `limit` fail, False if values above `limit` fail.
     severity : Severity
-        Severity of a value beyond the limit.
+        Effect of a failure on the fit.
     unusable_beyond : float, optional
-        Second limit: a value beyond this limit makes the state unusable.
+        Second limit, beyond which the state is unusable.
     widens : callable, optional
-        Function from a doubtful measured value to a standard deviation, by which the edge points of the state become
-        more uncertain.
+        Function from the measured value to a standard deviation that is added to the edge points.
     widens_in : {"px", "mm", "width", "depth"}
-        Unit of the standard deviation that `widens` returns; see `Flag`.
+        Unit of this standard deviation.
 
     Examples
     --------
@@ -124,16 +116,16 @@ class Check:
     widens_in: str = "px"
 
     def flag(self, value: float, limit: float | None = None, **words: str) -> Flag:
-        """Return the flag (record of the failed check) for a value that is beyond the limit of the check.
+        """Return the flag for a measured value that is beyond the limit.
 
         Parameters
         ----------
         value : float
             The measured value.
         limit : float, optional
-            Limit that the flag reports in place of the limit in the table.
+            Limit to report; by default the limit of the check.
         **words : str
-            For each word in braces in the remedy (advice), the text that replaces this word.
+            Texts for the placeholders in the advice.
         """
         severity, second_limit = self.severity, self.unusable_beyond
         if second_limit is not None and (value < second_limit if self.below else value > second_limit):
@@ -144,9 +136,5 @@ class Check:
 
 
 def leaves_out(flags: Iterable[Flag]) -> bool:
-    """Return whether a fit leaves out a state (load step) with the given flags.
-
-    A flag is the record of a quality check that the state did not pass. A fit leaves the state out if a flag has the
-    severity `Severity.UNUSABLE`.
-    """
+    """Return whether a fit leaves out a state (load step) with these flags (failed quality checks)."""
     return any(flag.severity is Severity.UNUSABLE for flag in flags)

@@ -19,22 +19,22 @@ _SHARPEST_DEG = 120.0  # turn of the line at a point
 
 
 def check_clicked_points(calibration: Calibration, specimen: SpecimenFile, shape: tuple[int, ...]) -> None:
-    """Check that the clicked points of a calibration lie in the picture and lead from the clamp toward the tip.
+    """Check that the clicked points of a calibration lie in the picture and lead from the clamp to the tip.
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration, in pixels of the whole picture. Without clicked points (`along_px`) nothing is checked.
+        The calibration, in pixels of the whole picture.
     specimen : SpecimenFile
         The specimen.
     shape : tuple of int
-        Shape of the pictures: height, width and, in colour, the number of colour channels.
+        Shape of the pictures: height, width and, in colour, number of channels.
 
     Raises
     ------
     InputError
-        If a point lies outside the picture, if two points are the same, if the points are not in the order from the
-        clamp to the tip, or if the line through the points is much longer than the beam.
+        If a point lies outside the picture, if two points are the same, if the points are not in order, or if the line
+        through them is much longer than the beam.
     """
     if calibration.picture is None or calibration.picture.along_px is None:
         return

@@ -1,4 +1,4 @@
-"""Apply the magnetic field of a calibration to loads: the shape of the coil's field, and the background field."""
+"""Apply the magnetic field of a calibration to loads."""
 
 from __future__ import annotations
 
@@ -17,25 +17,21 @@ from eimi_lab.vision.beam_frame import BeamFrame
 
 
 def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) -> Loads:
-    """Add to loads what a calibration says about the field: its variation in space, and the background field.
-
-    The coil's field varies in space if the calibration describes the coil or contains a map of the field. The
-    background field is the field without a current.
+    """Add the spatial variation of the coil's field and the background field to loads.
 
     Parameters
     ----------
     loads
-        The loads, with the coil's field at the magnet, T.
+        Loads with the coil's field at the magnet, T.
     calibration
-        The calibration.
+        The calibration, which describes both fields.
     specimen
         The specimen.
 
     Raises
     ------
     InputError
-        If a loop of the coil passes through the beam, or if the map of the measured field in the calibration does not
-        cover the magnet.
+        If a loop of the coil passes through the beam, or if the map of the measured field does not cover the magnet.
     """
     background_T = stated_background_T(calibration)
     loads = replace(loads, coil=stated_coil(calibration, specimen))
@@ -45,7 +41,7 @@ def in_stated_field(loads: Loads, calibration: Calibration, specimen: Specimen) 
 
 
 def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | None:
-    """Return the shape of the coil's field that a calibration gives, or None if the field is uniform.
+    """Return the spatial variation of the coil's field, or None if the field is uniform.
 
     Raises
     ------
@@ -61,8 +57,5 @@ def stated_coil(calibration: Calibration, specimen: Specimen) -> CoilShape | Non
 
 
 def stated_background_T(calibration: Calibration) -> NDArray[np.float64]:
-    """Return the background field of a calibration, that is, the field without a current: x and y in T, shape (2,).
-
-    x is along the straight beam, and y across it. The field is 0 if the calibration gives none.
-    """
+    """Return the background field (without a current) along and across the undeformed beam, T, shape (2,)."""
     return 1e-3 * BeamFrame(calibration).components(calibration.background_field_mT or (0.0, 0.0))

@@ -1,8 +1,4 @@
-"""The table of all quality checks, with the measured quantity, limit, severity and remedy of each check.
-
-A flag is the record of a check that a state (load step) did not pass. A fit leaves out a state with an unusable flag. A
-fit uses a state with a doubtful flag, and the check determines the standard deviation that is added to the edge points
-of this state. A note does not affect a fit.
+"""The table of all quality checks: measured quantity, limit, severity and advice.
 
 To add a flag, add an entry here, measure its value, and add its picture to `benchmarks/flag_pictures.py`.
 """
@@ -17,12 +13,8 @@ from eimi_lab.vision.followed_checks import FOLLOWED
 
 
 def _motion_px(ratio: float) -> float:
-    """Return how far (px) the beam moved between two frames, from the settling ratio of the frames.
-
-    The settling ratio is the mean squared difference of the frames near the edges of the beam, divided by the
-    difference that noise alone causes. It is therefore 1 for a beam at rest. The excess over 1 grows with the square of
-    the motion: measured ratios are 1.06 for a motion of 1/20 px and 2.3 for a motion of 1/5 px.
-    """
+    """Return how far (px) the beam moved between two frames, from their mean squared difference relative to noise."""
+    # The excess over 1 grows with the square of the motion.
     return math.sqrt(max(ratio - 1.0, 0.0) / 30.0)
 
 
@@ -255,9 +247,7 @@ def judge(
     limits: Mapping[str, float] | None = None,
     words: Mapping[str, str] | None = None,
 ) -> tuple[Flag, ...]:
-    """Return the flags (failed quality checks) that measured values raise, in the order of the table of checks.
-
-    A quantity that was not measured raises no flag.
+    """Return the flags (failed quality checks) for measured values, in the order of the table of checks.
 
     Parameters
     ----------
@@ -266,12 +256,12 @@ def judge(
     limits : mapping of str to float, optional
         Limits that replace limits of the table, with the same keys.
     words : mapping of str to str, optional
-        For each word in braces in the remedies (the advice of the checks), the text that replaces this word.
+        Texts for the placeholders in the advice.
 
     Returns
     -------
     tuple of Flag
-        The flags; empty if every measured value is within its limit.
+        The flags; empty if every value is within its limit.
 
     Raises
     ------

@@ -1,8 +1,4 @@
-"""The quality checks of edges that were followed from the clamp (see `following`): a part of the table of flags.
-
-The *followed path* is the part of the beam from the clamp to the point at which the search ended. An edge is *sure*
-(reliable) where the picture has a clear step of colour, the edge is smooth, and its two sides differ clearly in colour.
-"""
+"""The quality checks of edges that were followed from the clamp."""
 
 from __future__ import annotations
 

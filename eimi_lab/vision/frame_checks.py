@@ -1,4 +1,4 @@
-"""Compare the frames of one state (load step) with each other, to detect lost frames, repeated frames and motion."""
+"""Detect lost frames, repeated frames and motion in the frames of one state (load step)."""
 
 from __future__ import annotations
 
@@ -18,24 +18,19 @@ CLEAR_OF_EDGES_PX = 12  # the noise is measured farther than this from every edg
 
 
 def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
-    """Return the flags DROPPED and DUPLICATE, as far as the frames of one state (load step) raise them.
-
-    A flag is a failed quality check. DROPPED: frames are missing. DUPLICATE: a frame is repeated.
-
-    A frame is a duplicate if its number does not increase, or if its pixels equal the pixels of the previous frame.
-    Equal pixels count only if the camera has noise, because two new frames may be equal without noise.
+    """Return the flags for missing frames (DROPPED) and repeated frames (DUPLICATE) of one load step.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Frames of one state, in the order in which they were taken. A camera gives consecutive numbers to its frames.
+        Frames in the order in which they were taken, numbered by the camera.
     noise : Noise
-        Noise of the camera.
+        Noise of the camera; without noise, equal pixels do not show a repetition.
 
     Returns
     -------
     tuple of Flag
-        The flags; empty if no frame is missing or repeated.
+        Empty if no frame is missing or repeated.
     """
     pairs = list(pairwise(frames))
     return judge(
@@ -51,20 +46,14 @@ def frame_flags(frames: Sequence[Frame], noise: Noise) -> tuple[Flag, ...]:
 
 
 def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
-    """Return the failed quality checks (flags) of the imported frames of one state (load step).
-
-    DROPPED: frames are missing. DUPLICATE: a frame is repeated. NOT_SETTLED: the beam moves. For frames that are not
-    imported, `eimi acquire` makes the same checks while it takes the frames.
+    """Return the flags for missing frames, repeated frames and motion of one imported load step.
 
     Parameters
     ----------
     frames : sequence of Frame
-        Frames of one state, in the order in which they were taken, all of one size and colour format. Their numbers
-        need not be consecutive: if the numbers are 10, 12, 14, 18, the smallest difference 2 is taken as the difference
-        between neighbouring frames, and one frame is missing.
+        Frames of one size in the order in which they were taken. Their numbers may have any constant step.
     lossless : bool
-        Whether the files keep the noise of the camera. NOT_SETTLED compares motion with this noise, and is therefore
-        not raised for compressed files.
+        Whether the files keep the noise of the camera; motion is only detected in such files.
 
     Returns
     -------
@@ -73,6 +62,7 @@ def state_flags(frames: Sequence[Frame], lossless: bool) -> tuple[Flag, ...]:
     """
     if len(frames) < 2:
         return ()
+    # The smallest difference of the numbers is taken as the difference between neighbouring frames.
     step = max(1, min(later.number - earlier.number for earlier, later in pairwise(frames)))
     numbered = [replace(frame, number=(frame.number - frames[0].number) // step) for frame in frames]
     images = [frame.image for frame in frames]

@@ -1,4 +1,4 @@
-"""Read HEIC pictures, the format in which an iPhone stores photographs, by pillow-heif (the extra ``heic``)."""
+"""Read HEIC pictures, in which an iPhone stores photographs, by pillow-heif (the extra ``heic``)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _AS_JPEG = "on an iPhone choose Settings > Camera > Formats > Most Compatible, o
 
 
 def kind_of(raw: bytes) -> str:
-    r"""Return the format of a HEIC, HEIF or AVIF file in words for messages; empty for every other format.
+    r"""Return the format of a HEIC, HEIF or AVIF file in words; empty for every other format.
 
     Parameters
     ----------
@@ -49,18 +49,17 @@ def read_heic(raw: bytes, path: Path) -> NDArray[np.uint8]:
     raw : bytes
         The contents of the file.
     path : Path
-        Path of the file, for messages.
+        Its path, for messages.
 
     Returns
     -------
-    ndarray of uint8, shape (H, W, 3)
-        The upright picture; the channels are blue, green, red; H rows, W columns. A picture of more than 8 bits is
-        converted to 8 bits.
+    ndarray of uint8, shape (rows, columns, 3)
+        The upright picture of 8 bits; blue, green, red.
 
     Raises
     ------
     InputError
-        If pillow-heif is not installed, if the file is damaged or too large, or if the file is an AVIF picture.
+        If pillow-heif is not installed, if the file is damaged or too large, or if it is an AVIF picture.
     """
     kind = kind_of(raw)
     if kind == _AVIF:

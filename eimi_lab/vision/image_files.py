@@ -1,4 +1,4 @@
-"""List image files and read them. A damaged or incomplete file is refused."""
+"""List image files and read them."""
 
 from __future__ import annotations
 
@@ -32,9 +32,7 @@ _OTHER_ENDINGS = frozenset(  # files of phones and browsers, and raw files of ca
 
 
 def find_images(folder: Path) -> list[Path]:
-    """Return the image files of a folder in natural order: ``frame_2`` comes before ``frame_10``.
-
-    Hidden files and files of other types are ignored.
+    """Return the image files of a folder in natural order: ``frame_2`` before ``frame_10``.
 
     Raises
     ------
@@ -56,8 +54,8 @@ def read_image(path: Path) -> NDArray[Any]:
 
     Returns
     -------
-    ndarray, shape (H, W) or (H, W, 3)
-        Pixels as uint8 or uint16; the channels are blue, green, red; H rows, W columns.
+    ndarray, shape (rows, columns) or (rows, columns, 3)
+        Pixels as uint8 or uint16; blue, green, red.
 
     Raises
     ------
@@ -99,11 +97,7 @@ def read_image(path: Path) -> NDArray[Any]:
 
 
 def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
-    """Decode the contents of an image file by OpenCV, without the messages that OpenCV prints.
-
-    Return None if OpenCV cannot decode the file, or if the data are damaged. `how` is the sum of OpenCV's flags for
-    reading.
-    """
+    """Decode an image file by OpenCV (`how`: its reading flags); return None if the file is damaged or unknown."""
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)
@@ -118,25 +112,19 @@ def _decoded(raw: bytes, how: int) -> NDArray[Any] | None:
 
 
 def _states_damage(line: str) -> bool:
-    """Return whether a line that libjpeg printed reports damaged pixels."""
     padded = _PADDED.match(line)
     return int(padded[1]) > _PADDING_BYTES if padded else bool(_DAMAGED_JPEG.match(line))
 
 
 def _is_transparent(image: NDArray[Any] | None) -> bool:
-    """Return whether an image has a pixel that is less than 95 % opaque.
-
-    `image` has the shape (H, W, 4: blue, green, red, opacity). For every other shape and for None the result is False.
-    """
+    """Return whether an image with four channels has a pixel that is less than 95 % opaque."""
     if image is None or image.ndim != 3 or image.shape[2] != 4:
         return False
     return bool(image[..., 3].min() < 0.95 * np.iinfo(image.dtype).max)
 
 
 def read_grey(path: Path) -> NDArray[Any]:
-    """Read an image file as grey values of H by W pixels, shape (H, W), of type uint8 or uint16.
-
-    Of a colour image, the brightest channel is returned (see `intensity.grey`).
+    """Read an image file as grey values (uint8 or uint16); in colour, the brightest channel.
 
     Raises
     ------
@@ -147,7 +135,7 @@ def read_grey(path: Path) -> NDArray[Any]:
 
 
 def describe_image(image: NDArray[Any]) -> str:
-    """Return the size, the bit depth and the colour of an image in words, for messages.
+    """Return the size, the bit depth and the colour of an image in words.
 
     Examples
     --------

@@ -1,7 +1,4 @@
-"""Read the size of an image from the header of its file, before the pixels are decoded.
-
-Even a file of a few bytes may give a size in its header for which the memory does not suffice.
-"""
+"""Read the size of an image from the header of its file, before the pixels are decoded."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 
 
 def claimed_size(raw: bytes) -> tuple[int, int] | None:
-    """Return the width and height (px) that the header of a PNG, JPEG, BMP, TIFF or PGM file gives.
+    """Return the width and height (px) in the header of a PNG, JPEG, BMP, TIFF or PGM file.
 
     Parameters
     ----------
@@ -24,7 +21,7 @@ def claimed_size(raw: bytes) -> tuple[int, int] | None:
     Returns
     -------
     tuple of int, or None
-        None for another format, or if the header is incomplete.
+        None for another format or an incomplete header.
 
     References
     ----------
@@ -65,23 +62,9 @@ def _tiff(raw: bytes, order: str) -> tuple[int, int] | None:
 
 
 def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None, int]:
-    """Read the size of the image on one page of a TIFF file, and the offset of the next page.
+    """Return the size (px) on a page of a TIFF file, None if unknown, and the next page's offset in bytes (0 for none).
 
-    Parameters
-    ----------
-    raw : bytes
-        The whole file.
-    order : {"<", ">"}
-        Byte order.
-    at : int
-        Offset of the page's directory in the file, bytes.
-
-    Returns
-    -------
-    size : tuple of int, or None
-        Width and height in px; None if the page does not give both numbers.
-    following : int
-        Offset of the next page's directory in the file, bytes; 0 after the last page.
+    `order`: byte order, "<" or ">". `at`: offset of the page's directory, bytes.
     """
     (count,) = struct.unpack_from(f"{order}H", raw, at)
     end = at + 2 + 12 * count
@@ -95,10 +78,7 @@ def _tiff_page(raw: bytes, order: str, at: int) -> tuple[tuple[int, int] | None,
 
 
 def is_stack(raw: bytes) -> bool:
-    """Return whether the second page of a TIFF file contains an image of the same size as the first page.
-
-    A smaller second image is a thumbnail. The result is False for every other format.
-    """
+    """Return whether the second page of a TIFF file contains an image of the same size as the first page."""
     if raw[:4] not in (b"II*\0", b"MM\0*"):
         return False
     order = "<" if raw.startswith(b"II") else ">"
@@ -110,8 +90,5 @@ def is_stack(raw: bytes) -> bool:
 
 
 def may_be_transparent(raw: bytes) -> bool:
-    """Return whether a PNG file has an opacity channel or transparent colours (PNG, sections 11.2.2 and 11.3.2).
-
-    The result is False for every other format.
-    """
+    """Return whether a PNG file has an opacity channel or transparent colours (PNG, sections 11.2.2 and 11.3.2)."""
     return raw.startswith(b"\x89PNG") and (raw[25:26] in (b"\4", b"\6") or b"tRNS" in raw[: raw.find(b"IDAT")])

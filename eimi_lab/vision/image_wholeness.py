@@ -1,7 +1,4 @@
-"""Check that an image file is complete.
-
-Some decoders fill the missing part of an image with grey or black, and report no error.
-"""
+"""Check that an image file is complete."""
 
 from __future__ import annotations
 
@@ -16,20 +13,14 @@ _MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)
 
 
 def is_whole(raw: bytes) -> bool:
-    """Return whether a PNG or JPEG file is complete; return True for every other format.
-
-    Further bytes after the end of the image are allowed.
-    """
+    """Return whether a PNG or JPEG file is complete; True for every other format."""
     if raw.startswith(PNG_SIGNATURE):
         return _png_is_whole(raw)
     return _jpeg_is_whole(raw) if raw.startswith(_JPEG_START) else True
 
 
 def _png_is_whole(raw: bytes) -> bool:
-    """Return whether a PNG file has every chunk up to IEND, each with the right checksum.
-
-    Source: PNG specification, W3C, section 5.3.
-    """
+    """Return whether a PNG file has all chunks with right checksums (PNG specification, W3C, section 5.3)."""
     at = len(PNG_SIGNATURE)
     while at + 12 <= len(raw):
         length = int.from_bytes(raw[at : at + 4], "big")
@@ -43,16 +34,13 @@ def _png_is_whole(raw: bytes) -> bool:
 
 
 def _jpeg_is_whole(raw: bytes) -> bool:
-    """Return whether the segments and scans of a JPEG file reach the end-of-image marker (ITU-T T.81, annex B).
-
-    Segments are skipped, and with them the end-of-image marker of an embedded thumbnail. Bytes after the marker of the
-    image are allowed, because phones append a film or a second picture.
-    """
+    """Return whether a JPEG file has an end-of-image marker after its scans (ITU-T T.81, annex B)."""
     at = len(_JPEG_START)
     while (match := _MARKER.search(raw, at)) is not None:
         marker, at = raw[match.start() + 1], match.end()
         if marker == _END:
             return True
         if marker != _TEMPORARY:
+            # Segments are skipped, and with them the end-of-image marker of an embedded thumbnail.
             at += int.from_bytes(raw[at : at + 2], "big")
     return False

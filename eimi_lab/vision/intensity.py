@@ -1,4 +1,4 @@
-"""Grey values of images: bit depth, colours, mean of several frames, and correction by dark frame and flat field."""
+"""Convert images to grey values, average frames, and correct images by a dark frame and a flat field."""
 
 from __future__ import annotations
 
@@ -13,19 +13,16 @@ _GREY_SHARE = 1 / 64  # of full scale: rounding may make the channels of a compr
 
 
 def grey(image: ArrayLike) -> NDArray[Any]:
-    """Return the grey values of an image; for a colour image, the values of its brightest channel.
-
-    Under a coloured back-light, the other channels contain almost only noise. A mean of the channels would hide that
-    one channel is clipped.
+    """Return the grey values of an image; in colour, the values of its brightest channel.
 
     Parameters
     ----------
-    image : array_like, shape (H, W) or (H, W, channels)
-        Grey values of any type; H rows, W columns.
+    image : array_like, shape (rows, columns) or (rows, columns, channels)
+        The image.
 
     Returns
     -------
-    ndarray, shape (H, W)
+    ndarray, shape (rows, columns)
         uint8 if the image is uint8, else float32. Values that are not finite become 0.
 
     Raises
@@ -35,22 +32,22 @@ def grey(image: ArrayLike) -> NDArray[Any]:
     """
     pixels = _channels(image)
     if pixels.ndim == 3:
+        # Under a coloured back-light, the other channels are almost only noise. A mean would hide a clipped channel.
         brightest = np.argmax(pixels[::8, ::8].mean(axis=(0, 1), dtype=np.float64))
         pixels = pixels[:, :, brightest]
     return np.ascontiguousarray(pixels)
 
 
 def _channels(image: ArrayLike) -> NDArray[Any]:
-    """Return an image as uint8 or float32, shape (H, W) or (H, W, 3); values that are not finite become 0.
+    """Return the first three channels, or the only grey channel, of an image as uint8 or float32.
 
-    Of an image with two channels, the first channel is returned. Of an image with more than three channels, the first
-    three are returned. Raise ValueError if the array has another shape.
+    Values that are not finite become 0. Raise ValueError if the array is not an image.
     """
     pixels = np.asarray(image)
     if pixels.ndim == 3 and pixels.size:
         pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
     elif pixels.ndim != 2:
-        raise ValueError(f"an image should have the shape (H, W) or (H, W, channels), not {pixels.shape}")
+        raise ValueError(f"an image should have the shape (rows, columns) or (rows, columns, channels), not {pixels.shape}")
     if pixels.dtype == np.uint8:
         return np.ascontiguousarray(pixels)
     if pixels.dtype.kind == "f":
@@ -59,21 +56,18 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
 
 
 def camera_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the brightest channel of an image of H by W pixels, in the number type of the image, shape (H, W)."""
+    """Return the brightest channel of an image in its own number type, shape (rows, columns)."""
     return grey(image).astype(image.dtype, copy=False)
 
 
 def mean_grey(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the mean of the colour channels of an image of H by W pixels, in its grey levels, shape (H, W).
-
-    Use this function to compare frames with each other. If two channels are about equally bright, `camera_grey` may
-    choose different channels in two frames.
-    """
+    """Return the mean of the colour channels of an image, shape (rows, columns)."""
+    # For two frames with about equally bright channels, `camera_grey` may choose different channels.
     return image if image.ndim == 2 else image.mean(axis=2, dtype=np.float32)
 
 
 def is_coloured(image: NDArray[Any]) -> bool:
-    """Return whether the colour channels of an image differ by more than the rounding in a compressed file."""
+    """Return whether the colour channels of an image differ by more than rounding."""
     if image.ndim == 2:
         return False
     difference = np.ptp(image.astype(np.int32), axis=2).max(initial=0)
@@ -81,19 +75,18 @@ def is_coloured(image: NDArray[Any]) -> bool:
 
 
 def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
-    """Convert an image to three colour channels or to grey values.
+    """Convert an image to three channels, or a colourless image to one channel.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The image; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The image.
     coloured : bool
-        True to return three channels; those of a grey image are equal. False to return one channel of an image with
-        three equal channels; an image with different channels stays unchanged.
+        True for three channels. False for one channel, unless the channels differ.
 
     Returns
     -------
-    ndarray, shape (H, W) or (H, W, 3)
+    ndarray, shape (rows, columns) or (rows, columns, 3)
         The converted image.
     """
     if coloured:
@@ -102,15 +95,13 @@ def in_channels(image: NDArray[Any], coloured: bool) -> NDArray[Any]:
 
 
 def eight_bit(image: ArrayLike) -> NDArray[np.uint8]:
-    """Return an image of H by W pixels, of any bit depth and colour, as grey values from 0 to 255, shape (H, W)."""
+    """Return an image of any bit depth and colour as grey values from 0 to 255, shape (rows, columns)."""
     pixels = grey(image)
     return np.rint(pixels * (255.0 / full_scale(pixels))).astype(np.uint8)
 
 
 def full_scale(image: NDArray[Any]) -> float:
-    """Return the largest grey value that the camera can give, judged by the brightest pixel of an image.
-
-    The result is the smallest of 255, 1023, 4095, 16383 and 65535 (8 to 16 bits) that no pixel exceeds.
+    """Return the largest possible grey value of the camera (8 to 16 bits), judged by the brightest pixel.
 
     Examples
     --------
@@ -122,18 +113,16 @@ def full_scale(image: NDArray[Any]) -> float:
 
 
 def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
-    """Return the mean of the frames of a state (load step), in grey levels of the frames.
-
-    The noise in the mean of n frames has 1/√n of the standard deviation of the noise in one frame.
+    """Return the mean of the frames of a state (load step).
 
     Parameters
     ----------
-    frames : iterable of array_like, shape (H, W) or (H, W, 3)
-        Frames of one state; H rows, W columns.
+    frames : iterable of array_like, shape (rows, columns) or (rows, columns, 3)
+        Frames of one state.
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, 3)
+    ndarray of float32, shape (rows, columns) or (rows, columns, 3)
         The mean frame.
 
     Raises
@@ -162,33 +151,28 @@ def state_mean(frames: Iterable[ArrayLike]) -> NDArray[np.float32]:
 
 
 class FieldCorrection:
-    """Correction of an image by a dark frame and a flat field.
+    """Correction of an image by a dark frame (without light) and a flat field (the bare back-light).
 
-    A dark frame is an image taken without light. A flat field is an image of the bare back-light. The corrected image
-    is
+    The corrected image is
 
         (image - dark) · m / (flat - dark),
 
     with the median m of flat - dark over the pixels of each colour. Without a dark frame, dark is 0. Without a flat
-    field, the corrected image is image - dark.
-
-    The correction removes the dark signal and the photo response non-uniformity (terms of EMVA standard 1288). A pixel
-    at full scale keeps its value, so that clipping remains visible.
+    field, the corrected image is image - dark. Pixels at full scale keep their value.
     """
 
     def __init__(self, dark: ArrayLike | None, flat: ArrayLike | None) -> None:
-        """Prepare the correction from a dark frame (taken without light), a flat field (the bare back-light), or both.
+        """Prepare the correction from a dark frame, a flat field, or both.
 
         Parameters
         ----------
-        dark, flat : array_like, shape (H, W) or (H, W, 3), or None
-            The images in grey levels of the camera; H rows, W columns.
+        dark, flat : array_like, shape (rows, columns) or (rows, columns, 3), or None
+            The images in grey levels of the camera.
 
         Raises
         ------
         ValueError
-            If both images are None, if the shapes of the images differ, or if the difference flat - dark is below 5 %
-            of its median at more than 1 % of the pixels.
+            If both images are None, if their shapes differ, or if the flat field is dark in places.
         """
         images = [None if image is None else _channels(image).astype(np.float32) for image in (dark, flat)]
         present = [image for image in images if image is not None]
@@ -209,7 +193,7 @@ class FieldCorrection:
             self._gain = (median / np.maximum(light, 0.05 * median)).astype(np.float32)
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """Return the corrected image as float32.
+        """Return the corrected image.
 
         Raises
         ------

@@ -1,17 +1,8 @@
-"""Convert the colours of pictures to grey values. All pictures of a dataset are converted with the same weights.
+"""Choose weights that convert colours to grey values, so that the beam differs most from its surroundings.
 
-A grey value is a weighted sum of the camera's three colours, or of the three coordinates of the colour space CIELAB.
-The weights w of Fisher's linear discriminant give the largest difference between the beam at its clamp and its
-surroundings, relative to the scatter of the colours:
-
-    w = C⁻¹ (m_in - m_out).
-
-m_in and m_out are the median colours of the beam and of its surroundings, averaged over the pictures. C is the mean of
-the covariance matrices of the colours inside and outside the beam (R. A. Fisher, "The use of multiple measurements in
-taxonomic problems", Annals of Eugenics 7 (1936) 179).
-
-The discriminant is used only if it separates beam and surroundings at least 1.25 times as well as the best single
-colour channel. Otherwise this channel is used. A person may also choose the channel.
+The weights are a colour channel or Fisher's linear discriminant w = C⁻¹ (m_in - m_out), with the mean colours m_in of
+the beam and m_out of its surroundings, and the covariance matrix C of the colours (R. A. Fisher, Annals of Eugenics 7
+(1936) 179).
 """
 
 from __future__ import annotations
@@ -40,7 +31,7 @@ _CAUTIOUS = 20  # percentile of the separations over both sides in all pictures
 
 @dataclass(frozen=True)
 class Projection:
-    """A projection of the three colour values of a pixel to one grey value, the weighted sum of the three values.
+    """Weights that convert the three colour values of a pixel to one grey value.
 
     Attributes
     ----------
@@ -49,10 +40,9 @@ class Projection:
     weights : tuple of float
         Weights of blue, green and red, or of L, a and b.
     space : {"camera", "CIELAB"}
-        Colour space of the weights: blue, green, red of the camera, or L, a, b.
+        Colour space: blue, green, red of the camera, or L, a, b.
     separation : float
-        Difference between the grey values of the beam's root (its part at the clamp) and of its surroundings, in
-        standard deviations; 0 if it was not measured.
+        Difference in grey value between beam and surroundings near the clamp, in standard deviations; 0 if unknown.
 
     Examples
     --------
@@ -67,19 +57,16 @@ class Projection:
     separation: float = 0.0
 
     def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """Return the projected grey values of an image, in grey levels of the camera.
-
-        Because weights may be negative, the weighted sums are shifted and scaled to values between 0 and full scale.
+        """Return the weighted sums of an image's colours, shifted and scaled to values from 0 to full scale.
 
         Parameters
         ----------
-        image : array_like, shape (H, W, 3) or (H, W)
-            Blue, green, red in grey levels of the camera; H rows, W columns. The values of a grey image are not
-            changed.
+        image : array_like, shape (rows, columns, 3) or (rows, columns)
+            Blue, green, red; a grey image keeps its values.
 
         Returns
         -------
-        ndarray of float32, shape (H, W)
+        ndarray of float32, shape (rows, columns)
             The grey values.
         """
         pixels = np.asarray(image)
@@ -92,12 +79,12 @@ class Projection:
         return np.asarray(np.clip(share, 0.0, 1.0) * largest, dtype=np.float32)
 
     def to_json(self) -> str:
-        """Return the projection (the weights of the colours) as JSON text, as a dataset stores it."""
+        """Return the weights as JSON text."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Projection:
-        """Return the projection (the weights of the colours) from the text that `to_json` returned."""
+        """Return the weights from JSON text."""
         fields = json.loads(text)
         return cls(**{**fields, "weights": tuple(fields["weights"])})
 
@@ -112,25 +99,23 @@ class Projection:
 def choose_projection(
     images: Iterable[NDArray[Any]], calibration: Calibration, width_mm: float, length_mm: float
 ) -> Projection:
-    """Choose the weights that convert colours to grey values so that the beam differs most from its surroundings.
+    """Choose weights that convert colours to grey values, so that the beam differs most from its surroundings.
 
-    The beam and its surroundings are compared at the root of the beam (its part at the clamp). If
-    `calibration.picture.channel` is given, this channel is chosen. If `calibration.picture.beam_colour` is given, this
-    colour replaces the measured colours of the root.
+    A channel or a colour of the beam that the calibration gives has priority.
 
     Parameters
     ----------
-    images : iterable of ndarray, shape (H, W, 3)
-        Pictures of one dataset; H rows, W columns. The last axis is blue, green, red.
+    images : iterable of ndarray, shape (rows, columns, 3)
+        Pictures of one dataset; blue, green, red.
     calibration : Calibration
-        Gives the place of the beam's root.
+        Gives the place of the beam at its clamp.
     width_mm, length_mm : float
         Width and length of the specimen.
 
     Returns
     -------
     Projection
-        The weights. If the root lies outside all pictures: 0.114 blue + 0.587 green + 0.299 red, the usual grey value.
+        The weights; usual grey values if no picture shows the beam at its clamp.
     """
     named = calibration.picture or Picture()
     if named.channel is not None:
@@ -149,21 +134,13 @@ def choose_projection(
 
 
 def _advantage(best: Projection, candidate: Projection) -> float:
-    """Return how many times better `candidate` must separate the beam from its surroundings to replace `best`.
-
-    Both are projections (weighted sums of the colours). The factor is above 1 if `best` is a single colour channel and
-    `candidate` is not; otherwise it is 1.
-    """
+    """Return how many times better `candidate` must separate beam and surroundings to replace `best`."""
     return _WORTH if best.name in _CHANNELS and candidate.name not in _CHANNELS else 1.0
 
 
 @dataclass(frozen=True)
 class _Colours:
-    """The colours at the beam's root (its part at the clamp) in one picture, as shares of full scale.
-
-    `inside` contains the colours of n pixels on the beam, shape (n, 3). `sides` contains, for each edge of the beam in
-    the picture, the colours of k pixels beside the edge, shape (k, 3).
-    """
+    """Colours (shares of full scale) on the beam near its clamp, and on each side of it, shape (n, 3)."""
 
     inside: Array
     sides: tuple[Array, ...]
@@ -171,17 +148,14 @@ class _Colours:
 
 @dataclass(frozen=True)
 class _RootSampler:
-    """Reads the colours of a picture on the root of the beam (its part at the clamp) and beside the root."""
-
     frame: BeamFrame
     width_mm: float
     length_mm: float
 
     def read(self, image: NDArray[Any], largest: float, space: str) -> list[_Colours]:
-        """Return the colours of one picture on the beam near its clamp, and beside the beam, as a list of one element.
+        """Return a list with the colours on and beside the beam near its clamp; empty if they are not in the image.
 
-        The list is empty if the picture does not contain this part of the beam. largest: grey value of full scale.
-        space: name of the colour space.
+        `largest`: grey value of full scale. `space`: name of the colour space.
         """
         ahead = np.linspace(0.3, max(1.5, 0.2 * self.length_mm / self.width_mm), 15)
         inside = self._colours(image, largest, space, ahead, np.linspace(-0.25, 0.25, 7))
@@ -199,12 +173,7 @@ class _RootSampler:
 
 
 def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[float] | None) -> Iterable[Projection]:
-    """Yield the projections among which one is chosen: discriminants and, in camera colours, single channels.
-
-    A projection is a weighted sum of colours. A discriminant has the weights that best separate beam and surroundings.
-
-    If the colour of the beam is given, only the discriminants are yielded.
-    """
+    """Yield weights for a choice: those that best separate beam and surroundings, and single colour channels."""
     inside = [np.median(sample.inside, axis=0) for sample in samples]
     if beam_colour is not None:
         stated = np.array(beam_colour[::-1], dtype=np.float32)[None, None] / np.float32(255.0)
@@ -228,12 +197,7 @@ def _candidates(samples: Sequence[_Colours], space: str, beam_colour: Sequence[f
 
 
 def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]) -> Projection:
-    """Return a projection (weighted sum of colours) with the given weights and with its measured separation.
-
-    The separation is the difference between the grey values of beam and surroundings, in standard deviations. It is
-    measured on each side of the beam's root (at the clamp) in each picture. The 20th percentile of these values is
-    taken, and not their mean, because the beam must differ from its surroundings on nearly all sides.
-    """
+    """Return the given weights with their `separation`: the difference in grey value between beam and surroundings."""
     separations = []
     for sample in samples:
         inside = sample.inside @ weights
@@ -246,10 +210,7 @@ def _measured(name: str, weights: Array, space: str, samples: Sequence[_Colours]
 
 
 def _in_space(colours: NDArray[Any], space: str) -> NDArray[np.float32]:
-    """Convert blue, green and red (0 to 1) of h by w pixels, shape (h, w, 3), into a colour space.
-
-    L, a and b of CIELAB are scaled to about 0 to 1.
-    """
+    """Convert blue, green, red (0 to 1) of a picture to a colour space; L, a, b are scaled to about 0 to 1."""
     pixels = np.ascontiguousarray(colours, dtype=np.float32)
     if space == CAMERA:
         return pixels

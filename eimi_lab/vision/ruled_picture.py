@@ -1,4 +1,4 @@
-"""Draw a grid of pixel coordinates and a compass on a frame, so that a person can read coordinates and angles."""
+"""Draw a grid of pixel coordinates and a compass of angles on a frame."""
 
 from __future__ import annotations
 
@@ -24,23 +24,21 @@ _COMPASS_PX = 34
 def ruled_picture(
     image: NDArray[Any], lines: Sequence[NDArray[np.float64]] = (), suggested: Sequence[NDArray[np.float64]] = ()
 ) -> NDArray[np.uint8]:
-    """Draw a grid of pixel coordinates over a frame.
-
-    The numbers and a compass of directions are drawn beside the frame.
+    """Draw a grid of pixel coordinates over a frame, with a compass of angles beside it.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The frame; blue, green, red; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The frame; blue, green, red.
     lines : sequence of ndarray, shape (n, 2)
-        Lines through n points to draw on the frame in magenta, px of the frame.
+        Lines to draw in magenta, px of the frame.
     suggested : sequence of ndarray, shape (n, 2)
-        Lines through n points to draw on the frame in green, px of the frame.
+        Lines to draw in green, px of the frame.
 
     Returns
     -------
-    ndarray of uint8, shape (H + margins, W + margins, 3)
-        The picture. Pixel (0, 0) of the frame lies at (MARGIN_PX, MARGIN_PX).
+    ndarray of uint8, shape (rows + margins, columns + margins, 3)
+        The picture; pixel (0, 0) of the frame lies at (MARGIN_PX, MARGIN_PX).
     """
     shown = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     shown = np.rint(shown * (255.0 / full_scale(shown))).astype(np.uint8)
@@ -68,7 +66,7 @@ def _round_step(least: float) -> int:
 
 
 def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
-    """Draw a translucent line, through which the picture remains visible."""
+    """Draw a translucent line."""
     part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
     part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
 
@@ -79,7 +77,7 @@ def _write(sheet: NDArray[Any], text: str, middle: tuple[int, int]) -> None:
 
 
 def _compass(sheet: NDArray[Any], middle: tuple[int, int]) -> None:
-    """Draw arrows to the right, down, left and up, each labelled with its angle in calibration.toml (degrees)."""
+    """Draw arrows to the right, down, left and up, labelled with angles in degrees."""
     for angle in (0, 90, 180, -90):
         direction = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
         end = np.rint(np.array(middle) + _COMPASS_PX * 0.7 * direction).astype(int)

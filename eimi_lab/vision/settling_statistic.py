@@ -1,14 +1,8 @@
-"""The settling ratio: decide whether two frames differ by more than the noise of the camera.
+"""Decide whether two frames differ by more than the noise of the camera.
 
-For two frames a and b, with the variance v of the noise at the grey level of each pixel,
-
-    ratio = mean((b - a)²) / mean(2 v).
-
-The means are taken over a band along the edges of the beam, where motion changes the grey values. The ratio is 1 for a
-beam at rest. For a moving beam it exceeds 1 by an amount that grows with the square of the motion.
-
-The variance as a function of the grey level (the photon transfer curve; J. R. Janesick, Photon Transfer, SPIE 2007) is
-measured on frames at rest. No data sheet of the camera is needed.
+For two frames a and b with the variance v of the noise at each pixel, ratio = mean((b - a)²) / mean(2 v) over pixels
+near the edges. It is 1 at rest. The variance is measured on frames at rest (J. R. Janesick, Photon Transfer, SPIE
+2007).
 """
 
 from __future__ import annotations
@@ -43,7 +37,7 @@ class Noise:
     Attributes
     ----------
     levels : ndarray, shape (n,)
-        The n grey levels in increasing order.
+        Grey levels in increasing order.
     variances : ndarray, shape (n,)
         Variance at each level, in grey levels squared.
     """
@@ -53,26 +47,20 @@ class Noise:
 
     @property
     def exceeds_rounding(self) -> bool:
-        """Whether the noise is larger than the rounding to whole grey levels, whose variance is 1/12.
-
-        A video or a computed frame may have no other noise.
-        """
+        """Whether the noise is larger than the rounding to whole grey levels."""
         return bool(self.variances.max() > QUANTISATION)
 
     def difference_ratio(
         self, earlier: NDArray[Any], later: NDArray[Any], pixels: NDArray[np.int64] | None = None
     ) -> float:
-        """Return the settling ratio of two frames, which is 1 if the frames differ by the noise alone.
-
-        The ratio is the mean squared difference of the frames, divided by the difference that noise alone causes.
+        """Return the mean squared difference of two frames, divided by the value that noise alone causes.
 
         Parameters
         ----------
-        earlier, later : ndarray, shape (H, W)
-            The frames; H rows, W columns.
+        earlier, later : ndarray, shape (rows, columns)
+            The frames.
         pixels : ndarray of int, shape (n,), optional
-            Indices of the n pixels to compare, in the flattened frames; by default the pixels near the edges in the
-            later frame (`edge_pixels`).
+            Flat indices of the pixels to compare; by default the pixels near the edges in the later frame.
         """
         chosen = edge_pixels(later) if pixels is None else pixels
         before, after = earlier.ravel()[chosen], later.ravel()[chosen]
@@ -85,24 +73,17 @@ class Noise:
 
     @cached_property
     def _variances_by_sum(self) -> NDArray[np.float64]:
-        """Table of the variance of the noise for 8-bit frames, by the sum of two grey levels, shape (511,).
-
-        Element s is the variance at the grey level s / 2, the mean of the values of one pixel in two frames.
-        """
+        """Variance of the noise, indexed by the sum of the grey levels of a pixel in two 8-bit frames, shape (511,)."""
         return np.interp(np.arange(2 * np.iinfo(np.uint8).max + 1) / 2, self.levels, self.variances)
 
 
 def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
     """Measure the noise of the camera on frames of a beam at rest.
 
-    The variance at a grey level is half the mean squared difference of two consecutive frames over the pixels of this
-    grey level. The median over all pairs of consecutive frames is taken, so that a single disturbance of the beam has
-    no effect.
-
     Parameters
     ----------
-    frames : sequence of ndarray, shape (H, W) or (n,)
-        At least two frames of H rows and W columns, or the same n pixels of at least two frames.
+    frames : sequence of ndarray, shape (rows, columns) or (n,)
+        At least two frames, or n selected pixels of at least two frames.
 
     Returns
     -------
@@ -130,21 +111,15 @@ def measure_noise(frames: Sequence[NDArray[Any]]) -> Noise:
 
 
 def edge_band(image: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return whether each of H by W pixels is within 4 px (`EDGE_BAND_PX`) of a steep gradient, shape (H, W).
-
-    A gradient is steep if it is at least a quarter of the steepest gradient in the image.
-    """
+    """Return which pixels of an image are within 4 px of a steep gradient, shape (rows, columns)."""
     band = np.zeros(image.shape, np.bool_)
     band.ravel()[edge_pixels(image)] = True
     return band
 
 
 def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the indices of the n pixels within 4 px of a steep gradient, in the flattened image, shape (n,).
-
-    The gradients are computed only where the range of the grey values permits a steep gradient, because their
-    computation takes most of the time.
-    """
+    """Return the flat indices of the pixels within 4 px of a steep gradient, shape (n,)."""
+    # Gradients take most of the time, and are computed only where the range of grey values permits a steep one.
     highest = _highest_steepness(image)
     strip, column = np.unravel_index(np.argmax(highest), highest.shape)
     top, left = int(strip) * STRIP_ROWS, max(int(column) - REACH_PX, 0)
@@ -168,11 +143,7 @@ def edge_pixels(image: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int) -> NDArray[Any]:
-    """Return the magnitude of the gradient of the smoothed image in a rectangle of the image.
-
-    The rectangle contains the rows from `top` and the columns from `left`. The row `bottom` and the column `right` are
-    the first ones outside.
-    """
+    """Return the magnitude of the gradient of the smoothed image in a rectangle; `bottom` and `right` are excluded."""
     first_row, first_column = max(top - REACH_PX, 0), max(left - REACH_PX, 0)
     around = image[first_row : bottom + REACH_PX, first_column : right + REACH_PX]
     smooth = cv2.GaussianBlur(around.astype(np.float32), (0, 0), SMOOTHING_PX)
@@ -181,13 +152,7 @@ def _steepness(image: NDArray[Any], top: int, bottom: int, left: int, right: int
 
 
 def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
-    """Return upper bounds of the steepness of an image (the magnitude of its gradient), shape (S, W).
-
-    The image of W columns is divided into S strips of `STRIP_ROWS` rows. The bound for a column of a strip is the range
-    (largest minus smallest) of the grey values within `REACH_PX` pixels of this column, times the constant
-    `STEEPEST_STEP`, plus the rounding error. The bounds are computed faster than the steepness, and tell where a steep
-    gradient is possible.
-    """
+    """Return upper bounds of the gradient in each column of horizontal strips of an image, shape (strips, columns)."""
     height, width = image.shape
     tops = range(0, height, STRIP_ROWS)
     lowest, highest = np.empty((2, len(tops), width), image.dtype)
@@ -203,27 +168,12 @@ def _highest_steepness(image: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _rectangles(possible: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
-    """Return rectangles of an image that together contain all pixels at which a steep gradient is possible.
-
-    The gradient is later computed in each rectangle separately. Few large rectangles take less time than many small
-    ones. The image is divided into strips of `STRIP_ROWS` rows. In a strip, possible columns that are at most
-    `STRIP_ROWS` apart belong to the same rectangle. Two rectangles in neighbouring strips are replaced by the smallest
-    rectangle that contains both, if this adds at most `SPARE_COLUMNS` columns, each as high as a strip.
-
-    Parameters
-    ----------
-    possible : ndarray of bool, shape (S, W)
-        Whether a steep gradient is possible in each column of each strip of `STRIP_ROWS` rows.
-
-    Returns
-    -------
-    list of (int, int, int, int)
-        First row, row after the last, first column and column after the last of each rectangle.
-    """
+    """Return rectangles (top, bottom, left, right; pixels) that cover the columns of strips marked in `possible`."""
     strips, columns = np.divmod(np.flatnonzero(possible), possible.shape[1])
     ends = np.flatnonzero((np.diff(strips) > 0) | (np.diff(columns) > STRIP_ROWS))
     first, last = [0, *(ends + 1)], [*ends, -1]
     rectangles: list[tuple[int, int, int, int]] = []  # counted in strips instead of rows
+    # Few large rectangles take less time than many small ones; neighbours are joined if this adds little area.
     for strip, left, right in zip(strips[first].tolist(), columns[first].tolist(), columns[last].tolist(), strict=True):
         here = (strip, strip + 1, left, right + 1)
         for number, above in enumerate(rectangles):

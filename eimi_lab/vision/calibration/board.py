@@ -1,4 +1,4 @@
-"""Calibration boards: find the points of a board in an image, and print a board at its true size."""
+"""Calibration boards: find their points in an image, and print them at true size."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class Board:
     kind : {"charuco", "checkerboard", "circles"}
         Kind of the pattern.
     columns, rows : int
-        Number of squares or of circles in each direction, 4 to 60.
+        Number of squares or circles in both directions, 4 to 60.
     square_mm : float
-        Side of a square, or distance of the centres of neighbouring circles.
+        Side of a square, or distance of neighbouring circles.
 
     Raises
     ------
     ValueError
-        If one of the values is out of its range, or if a ChArUco board has more than 1000 markers.
+        If a value is out of its range, or if a ChArUco board has more than 1000 markers.
     """
 
     kind: Kind
@@ -71,24 +71,21 @@ class Board:
             raise ValueError(f"square_mm = {self.square_mm:g} should be a finite number greater than 0")
 
     def find(self, image: NDArray[Any]) -> tuple[Array, Array] | None:
-        """Find the points of the board in an image.
-
-        A ChArUco board may be partly hidden. For tilted views, prefer squares to circles: the image of a tilted circle
-        is an ellipse whose centre differs slightly from the image of the circle's centre.
+        """Find the points of the board in an image; a ChArUco board may be partly hidden.
 
         Parameters
         ----------
-        image : ndarray, shape (H, W) or (H, W, 3)
-            The image, of any bit depth; H rows, W columns.
+        image : ndarray, shape (rows, columns) or (rows, columns, 3)
+            The image.
 
         Returns
         -------
         board_mm : ndarray, shape (n, 2)
-            The n points on the board, mm; x along the rows of the board, y down.
+            The points on the board; x along its rows, y down.
         image_px : ndarray, shape (n, 2)
             The same points in the image.
 
-            None replaces the two arrays if fewer than 12 points are detected.
+            None is returned if fewer than 12 points are detected.
         """
         find = {"charuco": self._charuco, "checkerboard": self._checkerboard, "circles": self._circles}[self.kind]
         points = find(eight_bit(image))
@@ -120,10 +117,7 @@ class Board:
         )
 
     def _grid(self, columns: int, rows: int) -> Array:
-        """Return the points of a grid on the board, mm, row by row, shape (columns · rows, 2).
-
-        The points are as far apart as the squares or circles of the board, and the first point is (0, 0).
-        """
+        """Return the points of a regular grid on the board, mm, row by row, beginning at (0, 0)."""
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         return self.square_mm * np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
 
@@ -135,10 +129,7 @@ class Board:
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, marker_mm, dictionary)
 
     def cells(self) -> NDArray[np.bool_]:
-        """Return whether each cell of the board is dark. Each square of the board is divided into 10 x 10 cells.
-
-        The shape is (10 * rows, 10 * columns), for the rows and columns of squares on the board.
-        """
+        """Return which parts of the board are dark, with 10 x 10 parts for each square."""
         if self.kind == "charuco":
             size = (_CELLS * self.columns, _CELLS * self.rows)
             return np.asarray(self._pattern.generateImage(size, marginSize=0, borderBits=1)) < 128
@@ -147,10 +138,7 @@ class Board:
 
 
 def print_board(board: Board, path: Path) -> None:
-    """Write the board as a PDF page in vector graphics, at its true size and with a margin.
-
-    The page must be printed at 100 %. Below the board is a line, and a text that states its length. A person measures
-    the printed line to check the size of the print.
+    """Write the board as a PDF page at its true size, with a line of stated length to check the print.
 
     Parameters
     ----------
@@ -194,10 +182,6 @@ def print_board(board: Board, path: Path) -> None:
 
 
 def _runs(dark: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the places of the runs of dark cells (dark cells side by side) in one row of cells of a board.
-
-    `dark` says whether each cell of the row is dark. For each run, the result has the index of its first cell and the
-    index of its last cell plus 1.
-    """
+    """Return first index and last index + 1 of every run of dark cells in a row."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], dark, [False]]).astype(np.int8)))
     return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]

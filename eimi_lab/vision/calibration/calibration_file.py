@@ -1,7 +1,4 @@
-"""Make a calibration from images of a board, of the beam at rest, or of a ruler.
-
-The place of the clamp and the direction of gravity may be measured on additional pictures.
-"""
+"""Make a calibration from images of a board, of the beam at rest, or of a ruler."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ READING_PX = 1.0  # standard deviation of a point that a person reads off an ima
 
 @dataclass(frozen=True)
 class BenchSetup:
-    """The values of a calibration that cannot be measured on an image of a board.
+    """Values of a calibration that an image of a board does not show.
 
     Attributes
     ----------
@@ -39,9 +36,8 @@ class BenchSetup:
     clamp_midpoint_px : tuple of float
         Middle of the line at which the beam leaves its clamp.
     axis_angle_deg, gravity_angle_deg, field_angle_deg : float
-        Directions of the beam's axis, of gravity and of the positive field in the image, clockwise from +x. If the axis
-        is also measured, on a board or on the beam, the given axis must be right to a few degrees. The measured axis
-        then replaces the given axis, and gravity and field are turned by the difference between the two.
+        Directions of the beam's axis, gravity and positive field in the image, clockwise from +x. A measured axis
+        replaces the given axis; gravity and field are then turned by the difference.
     telecentric : bool
         Whether the lens is telecentric.
     """
@@ -63,8 +59,7 @@ class BenchSetup:
         pixels_per_mm : float
             Scale in the beam's middle plane.
         turned_deg : float
-            Correction of the directions: the axis, gravity and the field of the setup are turned clockwise by this
-            angle.
+            Clockwise rotation that corrects the directions of axis, gravity and field.
         uncertainty : dict of str to float
             Standard uncertainties, with the keys of the calibration.
         on : date
@@ -102,20 +97,20 @@ def from_board(
     images : sequence of Path
         Views of the board, most of them tilted.
     mid_plane : Path
-        The image in which the board lies in the beam's middle plane, along the beam.
+        Image of the board in the beam's middle plane, along the beam.
     board : Board
-        The pattern on the board.
+        The pattern.
     setup : BenchSetup
-        The values that cannot be measured on the images.
+        Values that the images do not show.
     board_error : float
         Relative standard uncertainty of the size of the print.
 
     Returns
     -------
     calibration : Calibration
-        The calibration with the measured values.
+        The calibration.
     lines : list of str
-        Lines for a person, with the residuals of the lens and of the board.
+        Text about the residuals.
 
     Raises
     ------
@@ -146,7 +141,7 @@ def from_board(
 
 
 def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tuple[int, int]]:
-    """Find the board in each image; return the found points by image path, and the size of the images (px)."""
+    """Return the points of the board in each image, and the size of the images (px)."""
     views: dict[Path, View] = {}
     size: tuple[int, int] | None = None
     for path in paths:
@@ -169,11 +164,9 @@ def _views_of(board: Board, paths: Sequence[Path]) -> tuple[dict[Path, View], tu
 
 
 def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) -> tuple[Lens, float]:
-    """Calibrate the lens with all images of the board; return the lens and the distance (mm) from the lens to the beam.
+    """Return the calibrated lens, and the distance (mm) from the lens to the beam.
 
-    `views` holds, for each image, the positions of the points of the board: on the board in mm, and in the image in px.
-    `mid_plane` holds the same for the image in which the board lies in the plane in which the beam bends; the distance
-    is computed from this image. `size` is the width and the height of the images, px.
+    `views` and `mid_plane`: points on the board (mm) and in the image (px). `size`: width and height of the images.
     """
     try:
         lens = calibrate_lens(list(views.values()), size)
@@ -185,11 +178,7 @@ def _lens_of(views: dict[Path, View], size: tuple[int, int], mid_plane: View) ->
 def _with_board_and_lens(
     setup: BenchSetup, pose: BoardPose, lens: Lens | None, stand_off_mm: float | None, on: date
 ) -> Calibration:
-    """Return the calibration from the given values (`setup`), the measured board (`pose`) and the calibrated lens.
-
-    The board gives the scale. Its rows or columns lie along the beam, and give the direction of the axis. If `lens` or
-    `stand_off_mm`, the distance from the lens to the beam, is None, the calibration contains no lens.
-    """
+    """Return the calibration from given values (`setup`), a measured board (`pose`) and a calibrated lens."""
     # The angle from the stated axis to the nearest direction of the board's rows or columns.
     turned = (pose.angle_deg - setup.axis_angle_deg + 45.0) % 90.0 - 45.0
     of_board = {
@@ -217,12 +206,12 @@ def _with_board_and_lens(
 def from_beam(
     image: Path, specimen: SpecimenFile, setup: BenchSetup, tolerance_mm: float
 ) -> tuple[Calibration, list[str]]:
-    """Make a calibration from an image of the beam at rest: scale, clamp and axis are measured on this image.
+    """Make a calibration from an image of the beam at rest, which shows scale, clamp and axis.
 
     Parameters
     ----------
     image : Path
-        The beam at rest in front of a back-light.
+        The beam in front of a back-light.
     specimen : SpecimenFile
         The specimen, whose width is known.
     setup : BenchSetup
@@ -233,9 +222,9 @@ def from_beam(
     Returns
     -------
     calibration : Calibration
-        The calibration with the measured values.
+        The calibration.
     lines : list of str
-        Lines for a person, with the uncertainty of the scale.
+        Text about the uncertainty of the scale.
 
     Raises
     ------
@@ -262,25 +251,25 @@ def from_beam(
 def from_ruler(
     image: Path, ends_px: tuple[float, float, float, float], length_mm: float, setup: BenchSetup
 ) -> tuple[Calibration, list[str]]:
-    """Make a calibration whose scale follows from two points of known distance in the beam's middle plane.
+    """Make a calibration whose scale follows from two points of known distance.
 
     Parameters
     ----------
     image : Path
-        The picture on which a person read the points.
+        The picture.
     ends_px : tuple of float
-        The two points: x1, y1, x2, y2.
+        Two points in the beam's middle plane: x1, y1, x2, y2.
     length_mm : float
-        The distance of the two points.
+        Their distance.
     setup : BenchSetup
-        The values that the image does not show.
+        Values that the image does not show.
 
     Returns
     -------
     calibration : Calibration
-        The calibration with the measured scale.
+        The calibration.
     lines : list of str
-        Lines for a person, with the uncertainty of the scale.
+        Text about the uncertainty of the scale.
 
     Raises
     ------
@@ -311,26 +300,26 @@ def from_ruler(
 
 
 def _check_clamp(image: Path, size: tuple[int, ...], midpoint_px: tuple[float, float]) -> None:
-    """Raise InputError if the middle of the clamp lies outside an image of the given width and height (px)."""
+    """Raise InputError if the middle of the clamp lies outside an image of width and height `size`."""
     if not all(0 <= place < extent for place, extent in zip(midpoint_px, size, strict=True)):
         x, y = midpoint_px
         raise InputError(f"{image}: is {size[0]} x {size[1]} px; --clamp-midpoint-px {x:g} {y:g} is outside the image")
 
 
 def _image_with_clamp(image: Path, midpoint_px: tuple[float, float]) -> NDArray[Any]:
-    """Read an image as grey values; raise InputError if the middle of the clamp lies outside the image."""
+    """Read an image as grey values; raise InputError if the middle of the clamp lies outside."""
     pixels = read_grey(image)
     _check_clamp(image, pixels.shape[::-1], midpoint_px)
     return pixels
 
 
 def with_measured_clamp(calibration: Calibration, image: Path, specimen: SpecimenFile) -> Calibration:
-    """Return the calibration with the middle of the clamp line (where the beam leaves its clamp) measured on an image.
+    """Return the calibration with the middle of the clamp's edge measured on an image.
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration to change. Its `clamp_midpoint_px` must be right to a third of a beam's width.
+        Its `clamp_midpoint_px` must be right to a third of a beam's width.
     image : Path
         The beam in front of a back-light.
     specimen : SpecimenFile
@@ -339,7 +328,7 @@ def with_measured_clamp(calibration: Calibration, image: Path, specimen: Specime
     Raises
     ------
     InputError
-        If the image does not show the clamp line.
+        If the clamp's edge is not visible.
     """
     pixels = _image_with_clamp(image, calibration.clamp_midpoint_px)
     try:
@@ -364,9 +353,9 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
     Returns
     -------
     calibration : Calibration
-        The calibration with the measured direction of gravity.
+        The changed calibration.
     lines : list of str
-        Lines for a person, with the direction of gravity and the uncertainty of this direction.
+        Text about the direction of gravity and its uncertainty.
 
     Raises
     ------
@@ -389,7 +378,7 @@ def with_measured_gravity(calibration: Calibration, image: Path, roughly_deg: fl
 
 
 def _scale_quality(calibration: Calibration, source: str) -> str:
-    """Return a line of text for a person that says what the scale was measured on (`source`), and how accurately."""
+    """Return in words how accurate the scale is, and what it was measured on (`source`)."""
     share = (calibration.uncertainty or {}).get("pixels_per_mm", math.nan) / calibration.pixels_per_mm
     return (
         f"scale from {source}: standard uncertainty {100.0 * share:.2g} %; a board in the beam's plane gives about "
@@ -398,5 +387,5 @@ def _scale_quality(calibration: Calibration, source: str) -> str:
 
 
 def _day_of(images: Sequence[Path]) -> date:
-    """Return the day (UTC) on which the newest of the image files was written."""
+    """Return the day (UTC) on which the newest image file was written."""
     return datetime.fromtimestamp(max(path.stat().st_mtime for path in images), UTC).date()

@@ -1,9 +1,4 @@
-"""Compute a calibration from points that a person clicked on a photograph: the clamp, the tip and two ticks of a ruler.
-
-The scale follows from the ruler. The distance from the lens to the beam (stand-off) is the focal length in pixels
-divided by the scale. The roll of the camera (its rotation about the line of sight) follows from a ruler, or from the
-clamp's edge, if it is horizontal or vertical. The photographed bench has no coil, so the calibration contains no field.
-"""
+"""Compute a calibration from points that a person clicked on a photograph: clamp, tip and two ticks of a ruler."""
 
 from __future__ import annotations
 
@@ -37,11 +32,7 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
 
 class ClickedBench(Document):
-    """The points (px) that a person clicked on a photograph of the bench, and the person's answers about the bench.
-
-    The bench is the clamp with the beam, a ruler and the camera. The answers tell, for example, whether the ruler or
-    the edge of the clamp is horizontal or vertical.
-    """
+    """Points (px) that a person clicked on a photograph of clamp, beam and ruler, and what is horizontal there."""
 
     clamp_px: Points = Field(min_length=1, max_length=2)
     """Middle of the line at which the beam leaves its clamp, or both ends of this line."""
@@ -63,7 +54,7 @@ class ClickedBench(Document):
 
 @dataclass(frozen=True)
 class MeasuredBench:
-    """The calibration of a photographed bench, and for each value a text on how the value was obtained."""
+    """The calibration from a photograph, with a text on how each value was obtained."""
 
     calibration: Calibration
     sources: dict[str, str]
@@ -86,25 +77,24 @@ def measure_bench(
     size : tuple of int
         Width and height of the picture, px.
     length_mm : float
-        Length of the beam, against which the clicks are checked.
+        Length of the beam, to check the clicks.
     depth_mm : float
-        Depth of the beam. A person clicks the clamp on the near face of the beam. In the picture, this face is larger
-        than the beam's middle plane; with the depth, the clicked point is moved to the middle plane.
+        Depth of the beam, to correct for the clicks on its near face.
     lens : FocalLength or None
-        The focal length from the Exif data of the picture.
+        Focal length from the Exif data.
     day : date
-        The day on which the picture was taken.
+        Day on which the picture was taken.
 
     Returns
     -------
     MeasuredBench
-        The calibration, and for each value a text on how the value was obtained.
+        The calibration, with a text on how each value was obtained.
 
     Raises
     ------
     InputError
-        If the clicks contradict each other, if a click is outside the picture, or if the stand-off (the distance from
-        the lens to the beam) is not known.
+        If the clicks contradict each other, if a click is outside the picture, or if the distance from the lens to the
+        beam is not known.
     """
     _check_inside(clicked, size)
     click_px = max(CLICK_PX, CLICK_SHARE * math.hypot(*size))
@@ -159,11 +149,7 @@ def measure_bench(
 
 
 def _region(clamp: tuple[float, float], reach_px: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return the part of the picture that contains every possible position of the beam.
-
-    The part is a rectangle: the column of its left side, the row of its upper side, its width and its height, in px.
-    `reach_px` is the largest distance of the beam from the clamp, and `size` the width and height of the picture, px.
-    """
+    """Return the rectangle (left, top, width, height; px) that contains every possible position of the beam."""
     left, top = (max(0, math.floor(middle - reach_px)) for middle in clamp)
     right, bottom = (min(most, math.ceil(middle + reach_px)) for middle, most in zip(clamp, size, strict=True))
     return left, top, right - left, bottom - top
@@ -183,10 +169,7 @@ def _middle(clicked: ClickedBench) -> tuple[float, float]:
 
 
 def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the scale in px/mm, its relative uncertainty due to the clicks, and a text on how it was obtained.
-
-    `click_px` is the standard uncertainty of a click, px.
-    """
+    """Return the scale (px/mm), its relative uncertainty for clicks uncertain by `click_px`, and its source."""
     ruler_px = math.dist(*clicked.ruler_px)
     if ruler_px < FEWEST_RULER_PX:
         raise InputError(
@@ -198,21 +181,18 @@ def _scale(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
 
 
 def _direction_deg(points: tuple[tuple[float, float], ...]) -> float:
-    """Return the direction (degrees) from the first to the last of several points, clockwise from +x of the picture."""
+    """Return the direction from the first to the last point, degrees clockwise from +x."""
     (x, y), (end_x, end_y) = points[0], points[-1]
     return math.degrees(math.atan2(end_y - y, end_x - x))
 
 
 def _from_clicks_deg(points: tuple[tuple[float, float], ...], click_px: float) -> float:
-    """Return the standard uncertainty (degrees) of the direction through two clicked points.
-
-    `click_px` is the standard uncertainty of a click, px.
-    """
+    """Return the uncertainty (degrees) of the direction through two clicks that are uncertain by `click_px`."""
     return math.degrees(math.sqrt(2.0) * click_px / math.dist(points[0], points[-1]))
 
 
 def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of gravity in the picture, its uncertainty (degrees), and a text on how it was obtained."""
+    """Return the direction of gravity, its uncertainty (degrees), and its source in words."""
     if clicked.plumb == "picture":
         return 90.0, UPRIGHT_DEG, f"the phone was upright (assumed to {UPRIGHT_DEG:g} degrees)"
     points = clicked.ruler_px if clicked.plumb == "ruler" else _clamp_line(clicked)
@@ -229,10 +209,7 @@ def _gravity(clicked: ClickedBench, click_px: float) -> tuple[float, float, str]
 
 
 def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
-    """Return the two clicked ends of the line at which the beam leaves its clamp, px.
-
-    Raise InputError if the ends are missing or too close.
-    """
+    """Return both clicked ends of the clamp's edge, px; raise InputError if they are missing or too close."""
     if len(clicked.clamp_px) < 2 or math.dist(*clicked.clamp_px) < 0.5 * FEWEST_RULER_PX:
         raise InputError(
             f"click both ends of the clamp's edge, at least {0.5 * FEWEST_RULER_PX:g} px apart, because the direction "
@@ -242,7 +219,7 @@ def _clamp_line(clicked: ClickedBench) -> tuple[tuple[float, float], ...]:
 
 
 def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[float, float, str]:
-    """Return the direction of the beam at its clamp, its uncertainty (degrees), and a text on how it was obtained."""
+    """Return the direction of the beam at its clamp, its uncertainty (degrees), and its source in words."""
     clamp = _middle(clicked)
     to_tip_deg = _direction_deg((clamp, clicked.tip_px))
     if clicked.leaves == "clamp":
@@ -258,17 +235,7 @@ def _axis(clicked: ClickedBench, gravity_deg: float, click_px: float) -> tuple[f
 
 
 def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float, click_px: float) -> None:
-    """Raise InputError if the clicked tip is above the clamp, although the beam leaves its clamp horizontally.
-
-    Gravity bends such a beam down. The clicked tip is above the clamp if a person clicked the tip before the clamp.
-
-    Parameters
-    ----------
-    gravity_deg, gravity_sigma : float
-        The direction of gravity in the picture, and its standard uncertainty, degrees.
-    click_px : float
-        The standard uncertainty of a click, px.
-    """
+    """Raise InputError if the clicked tip is above the clamp, although the beam leaves its clamp horizontally."""
     if clicked.leaves != "level":
         return
     ends = (_middle(clicked), clicked.tip_px)
@@ -283,17 +250,14 @@ def _check_order(clicked: ClickedBench, gravity_deg: float, gravity_sigma: float
 
 
 def _nearer(direction_deg: float, to_tip_deg: float) -> float:
-    """Return `direction_deg` or the opposite direction, whichever is nearer to the direction from clamp to tip.
-
-    The result is between -180 and 180 degrees. `to_tip_deg` is the direction from the clamp to the tip.
-    """
+    """Return `direction_deg` or the opposite direction, whichever is nearer to `to_tip_deg`."""
     if math.cos(math.radians(direction_deg - to_tip_deg)) < 0.0:
         direction_deg += 180.0
     return (direction_deg + 180.0) % 360.0 - 180.0
 
 
 def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) -> tuple[float, float, str]:
-    """Return the distance from lens to beam in mm, its relative uncertainty, and a text on how it was obtained."""
+    """Return the distance from lens to beam (mm), its relative uncertainty, and its source in words."""
     if clicked.stand_off_mm is not None:
         return clicked.stand_off_mm, STAND_OFF_SHARE, "measured with a ruler"
     if lens is None:
@@ -307,10 +271,7 @@ def _stand_off(clicked: ClickedBench, scale: float, lens: FocalLength | None) ->
 def _text(
     values: dict[str, tuple[str, str, str]], clicked: ClickedBench, region: tuple[int, int, int, int], day: date
 ) -> str:
-    """Return the text of calibration.toml, with a comment on how each value of the calibration was obtained.
-
-    region: left, top, width and height (px) of the part of the picture in which the beam is searched.
-    """
+    """Return the text of calibration.toml, with a comment on the source of each value."""
     ticks = ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in clicked.ruler_px)
     lines = [
         '# Written by the page "Weights and a phone" from clicks on a picture. Angles: clockwise from the image\'s +x.',

@@ -1,4 +1,4 @@
-"""Read the focal length that a phone or a camera writes in the Exif data of a picture."""
+"""Read the focal length from the Exif data of a picture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # FocalPlaneResolutionUnit: 
 
 @dataclass(frozen=True)
 class FocalLength:
-    """A focal length in pixels of the stored picture, and a text on how it was obtained."""
+    """A focal length in pixels, and a text on how it was obtained."""
 
     px: float
     source: str
@@ -40,12 +40,12 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
     path : Path
         The picture.
     size : tuple of int
-        Width and height of the picture, px.
+        Its width and height, px.
 
     Returns
     -------
     FocalLength or None
-        None if the Exif data give no focal length, or if the picture was cropped.
+        None without a focal length, or if the picture was cropped.
     """
     let_pillow_read_heic()
     try:
@@ -71,7 +71,7 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
 
 
 def _number(value: object) -> float:
-    """Return a number of the Exif data; 0 if the value is absent or is not a positive number."""
+    """Return a number of the Exif data; 0 if it is absent or not positive."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

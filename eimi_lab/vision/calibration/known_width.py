@@ -1,7 +1,4 @@
-"""Measure the scale and the direction of the beam on an image of the beam at rest.
-
-The known width of the beam gives the scale. No picture of a calibration board is needed.
-"""
+"""Measure the scale and the direction of the beam on an image of the beam at rest, whose width is known."""
 
 from __future__ import annotations
 
@@ -39,14 +36,13 @@ class BeamPose:
     pixels_per_mm : float
         Scale of the image.
     pixels_per_mm_sigma : float
-        Standard deviation of the scale due to the scatter of the edges. The uncertainty of the specimen's width is not
-        included.
+        Standard deviation of the scale due to noise; without the uncertainty of the specimen's width.
     clamp_midpoint_px : tuple of float
-        Middle of the clamp line (where the beam leaves its clamp), px.
+        Middle of the line at which the beam leaves its clamp.
     axis_angle_deg : float
-        Direction of the beam, clockwise from the image's +x.
+        Direction of the beam, clockwise from +x of the image.
     axis_angle_sigma_deg : float
-        Standard deviation of `axis_angle_deg`.
+        Standard deviation of this direction.
     """
 
     pixels_per_mm: float
@@ -57,27 +53,26 @@ class BeamPose:
 
 
 def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration) -> BeamPose:
-    """Measure the scale, the clamp and the axis on one image of the beam at rest.
+    """Measure scale, clamp and axis on one image of the beam at rest.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The beam at rest in front of a back-light; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The beam in front of a back-light.
     specimen : SpecimenFile
-        The specimen; its width gives the scale.
+        The specimen, whose width gives the scale.
     guess : Calibration
-        An approximate calibration. `clamp_midpoint_px` must be right to a third of a beam's width, and `axis_angle_deg`
-        to a few degrees. The scale is not used.
+        `clamp_midpoint_px` must be right to a third of a beam's width, `axis_angle_deg` to a few degrees.
 
     Returns
     -------
     BeamPose
-        The scale, the middle of the clamp line and the axis, with standard deviations of scale and axis.
+        Scale, clamp and axis.
 
     Raises
     ------
     ValueError
-        If the image shows no beam, or if the beam or its clamp line cannot be measured.
+        If the image shows no beam, or if the beam or the clamp's edge cannot be measured.
     """
     pixels = grey(image)
     scale = _rough_width_px(pixels, guess) / specimen.specimen.width_mm
@@ -107,21 +102,21 @@ def measure_beam(image: NDArray[Any], specimen: SpecimenFile, guess: Calibration
 
 
 def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> tuple[float, float]:
-    """Return the middle of the clamp line (where the beam leaves its clamp), px, measured on one image.
+    """Return the middle of the clamp's edge (px), measured on one image.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The beam in front of a back-light; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The beam in front of a back-light.
     specimen : SpecimenFile
         The specimen in the image.
     calibration : Calibration
-        Calibration with the right scale and axis. `clamp_midpoint_px` must be right to a third of a beam's width.
+        Scale and axis must be right, `clamp_midpoint_px` to a third of a beam's width.
 
     Raises
     ------
     ValueError
-        If the beam or its clamp line cannot be measured.
+        If the beam or the clamp's edge cannot be measured.
     """
     for _ in range(_ROUNDS):
         midpoint = _clamp_midpoint(_edges_of(grey(image), specimen, calibration), BeamFrame(calibration))
@@ -130,10 +125,7 @@ def measure_clamp(image: NDArray[Any], specimen: SpecimenFile, calibration: Cali
 
 
 def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibration) -> EdgeSet:
-    """Return the edges of the beam, on which scale, clamp and axis of the picture are then measured.
-
-    Raise ValueError if no edges were found, or if a quality check shows that they are not accurate enough for this.
-    """
+    """Return the edges of the beam; raise ValueError if they are missing or not accurate enough."""
     edges = find_edges(pixels, calibration, specimen)
     fatal_flags = [flag for flag in edges.flags if flag.name in _FATAL]
     if fatal_flags or not len(edges.left.points_mm):
@@ -143,10 +135,7 @@ def _edges_of(pixels: NDArray[Any], specimen: SpecimenFile, calibration: Calibra
 
 
 def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
-    """Return the point midway between the two corners of the beam at its clamp, px.
-
-    Raise ValueError if a corner is NaN, because the edge of the clamp is not visible.
-    """
+    """Return the middle of the beam at its clamp, px; raise ValueError if the clamp's edge is not visible."""
     if not np.isfinite(edges.corners_px[:2]).all():
         raise ValueError("the edge of the clamp is not visible; take the picture in front of a back-light")
     x, y = frame.to_px(frame.to_mm(edges.corners_px[:2]).mean(axis=0))[0]
@@ -154,10 +143,9 @@ def _clamp_midpoint(edges: EdgeSet, frame: BeamFrame) -> tuple[float, float]:
 
 
 def _tilt(left: Array, right: Array) -> tuple[float, float]:
-    """Return the angle (rad) from the beam frame's x axis to the first half of the beam, and its standard deviation.
+    """Return the angle (rad) of the first half of the beam in the beam frame, and its standard deviation.
 
-    The angle is positive toward +y. `left` and `right` are the n and m points of the two edges in the beam frame, mm,
-    shapes (n, 2) and (m, 2).
+    `left`, `right`: points of both edges, ordered from the clamp, mm.
     """
     angles, variances = [], []
     for points in (left, right):
@@ -169,10 +157,7 @@ def _tilt(left: Array, right: Array) -> tuple[float, float]:
 
 
 def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
-    """Return the median width of the beam (px), accurate to one or two pixels.
-
-    The width is measured across the direction of the beam in `guess`, an approximate calibration.
-    """
+    """Return the median width of the beam (px), accurate to one or two pixels."""
     grey_values = eight_bit(pixels)
     _, bright = cv2.threshold(grey_values, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     angle = math.radians(guess.axis_angle_deg)
@@ -194,10 +179,7 @@ def _rough_width_px(pixels: NDArray[Any], guess: Calibration) -> float:
 
 
 def _dark_steps(bright: NDArray[Any], begin: Array, direction: Array) -> int | None:
-    """Return the number of pixels from a point along a direction to the first bright pixel.
-
-    Return None if the pixel at the point is bright, or if the image ends before a bright pixel.
-    """
+    """Return the number of dark pixels from a point to the first bright pixel along a direction; None without both."""
     steps = np.arange(max(bright.shape))
     places = np.rint(begin + steps[:, None] * direction).astype(int)
     inside = ((places >= 0) & (places < [bright.shape[1], bright.shape[0]])).all(axis=1)

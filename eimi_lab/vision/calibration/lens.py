@@ -22,18 +22,18 @@ _LEAST_TILT_DEG = 15.0  # between two views: parallel views do not separate the 
 
 @dataclass(frozen=True)
 class Lens:
-    """A pinhole camera with square pixels and with distortion by OpenCV's coefficients k1, k2, p1, p2 (k3 = 0).
+    """A pinhole camera with square pixels and distortion (OpenCV's coefficients; k3 = 0).
 
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
         Camera matrix, px.
     distortion : ndarray, shape (5,)
-        Distortion coefficients k1, k2, p1, p2, k3.
+        Coefficients k1, k2, p1, p2, k3.
     focal_length_sigma_px : float
         Standard deviation of the focal length.
     residual_px : float
-        RMS distance between measured and computed points in the images.
+        RMS distance between measured and computed image points.
     """
 
     matrix: Array
@@ -47,11 +47,11 @@ class Lens:
         return float(self.matrix[0, 0])
 
     def undistort(self, points_px: Array) -> Array:
-        """Return the points at which a lens without distortion would image n points of the image, px, shape (n, 2)."""
+        """Return image points (px, shape (n, 2)) without the distortion of the lens."""
         return undistorted(points_px, self.matrix, self.distortion)
 
     def stand_off_mm(self, view: View) -> float:
-        """Return the distance (mm) along the optical axis from the entrance pupil to the middle of a calibration board.
+        """Return the distance (mm) along the optical axis from the entrance pupil to the middle of a board.
 
         Parameters
         ----------
@@ -77,14 +77,14 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     Parameters
     ----------
     views : sequence of View
-        For each image the points on the board (mm) and in the image (px); at least four views.
+        Points on the board (mm) and in the image (px), for at least four images.
     size : tuple of int
         Width and height of the images, px.
 
     Returns
     -------
     Lens
-        The camera matrix and the distortion coefficients, with the residual of the calibration in px.
+        The lens, with the residual.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def calibrate_lens(views: Sequence[View], size: tuple[int, int]) -> Lens:
     References
     ----------
     Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine
-    Intelligence 22 (2000) 1330; the implementation is OpenCV's.
+    Intelligence 22 (2000) 1330; implemented in OpenCV.
     """
     if len(views) < FEWEST_VIEWS:
         raise ValueError(
@@ -135,9 +135,9 @@ class BoardPose:
     angle_deg : float
         Direction of the board's rows, clockwise from +x of the image.
     angle_sigma_deg : float
-        Standard deviation of the direction.
+        Standard deviation of this direction.
     tilt_deg : float
-        Angle between the board and the sensor plane, from the foreshortening of the board.
+        Angle between board and sensor plane.
     residual_px : float
         RMS residual of the fit.
     """
@@ -153,29 +153,24 @@ class BoardPose:
 def fit_board_pose(view: View, board_error: float) -> BoardPose:
     """Fit the scale and the orientation of a calibration board by least squares.
 
-    Each point x, y is written as the complex number x + i y, relative to the mean of all points: b on the board (mm),
-    q in the image (px). A board that is turned and scaled has q = t b with a complex number t. By least squares,
+    With every point as a complex number x + i y relative to the mean, b on the board (mm) and q in the image (px), the
+    fit of q = t b is
 
-        t = Σ b* q / Σ |b|²,
+        t = Σ b* q / Σ |b|²    (b* is the conjugate of b).
 
-    where b* is the conjugate of b. The magnitude |t| is the scale in px/mm, and the argument of t is the direction of
-    the board's rows.
-
-    The variance of the scale is the sum of three variances: due to the scatter of the points, due to the size of the
-    print, and due to a tilt of the board. A tilted board has a smaller scale in one direction. The third standard
-    deviation is therefore half of the difference between the largest and the smallest scale of an affine fit.
+    |t| is the scale (px/mm), and the argument of t is the direction of the board's rows.
 
     Parameters
     ----------
     view : View
-        n points on the board in mm, shape (n, 2), and the undistorted points in the image in px, shape (n, 2).
+        Points on the board (mm) and in the undistorted image (px), both of shape (n, 2).
     board_error : float
-        Relative standard uncertainty of the size of the printed pattern.
+        Relative standard uncertainty of the size of the print.
 
     Returns
     -------
     BoardPose
-        The scale, the direction and the tilt of the board, with standard deviations of scale and direction.
+        Scale, direction and tilt of the board.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Measure the direction of gravity on a picture of a plumb line: a dark thread in front of the back-light."""
+"""Measure the direction of gravity on a picture of a plumb line, a thread with a weight."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class PlumbLine:
     Attributes
     ----------
     gravity_angle_deg : float
-        Direction of gravity, clockwise from the image's +x.
+        Direction of gravity, clockwise from +x of the image.
     gravity_angle_sigma_deg : float
-        Standard deviation of the direction.
+        Standard deviation of this direction.
     residual_px : float
         RMS distance of the thread from a straight line.
     """
@@ -45,25 +45,21 @@ class PlumbLine:
 
 
 def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_deg: float) -> PlumbLine:
-    """Measure the direction of gravity from the thread in an image.
-
-    The middle of the thread is located at each pixel along the thread, and corrected for the distortion of the lens.
-    The thread is divided into twelve sections, and a straight line is fitted to the mean points of the sections. The
-    covariance of the fit gives the standard deviation of the direction.
+    """Measure the direction of gravity on an image of a thread with a weight.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The thread in front of the back-light; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The dark thread in front of the back-light.
     calibration : Calibration
         The lens and the axis.
     roughly_deg : float
-        Approximate direction of gravity, which distinguishes the two opposite directions of the thread.
+        Approximate direction of gravity.
 
     Returns
     -------
     PlumbLine
-        The direction of gravity, and the standard deviation of this direction.
+        The direction of gravity with its standard deviation.
 
     Raises
     ------
@@ -96,7 +92,7 @@ def measure_plumb_line(image: NDArray[Any], calibration: Calibration, roughly_de
 
 
 def _thread(image: NDArray[Any]) -> Array:
-    """Return n points on the centre line of the longest thin dark body, about one pixel apart, px, shape (n, 2)."""
+    """Return points along the middle of the longest thin dark body, px, shape (n, 2)."""
     shown = eight_bit(image)
     side = min(shown.shape)
     if side < 100:

@@ -1,4 +1,4 @@
-"""Write a calibration as a calibration.toml."""
+"""Write a calibration file."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from eimi_lab.process.outputs import write_file
 
 
 def write_calibration(calibration: Calibration, path: Path, force: bool) -> None:
-    """Write a calibration.toml.
+    """Write a calibration file (calibration.toml).
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration to write.
+        The calibration.
     path : Path
         The file to write.
     force : bool
@@ -25,7 +25,7 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
     Raises
     ------
     InputError
-        If the file exists and `force` is false, or if the file cannot be written.
+        If the file exists and `force` is false, or if it cannot be written.
     """
     uncertain = calibration.uncertainty
     lines = [
@@ -57,5 +57,4 @@ def write_calibration(calibration: Calibration, path: Path, force: bool) -> None
 
 
 def _listed(numbers: Sequence[float]) -> str:
-    """Return numbers as the text of a TOML list."""
     return "[" + ", ".join(f"{number:.8g}" if number % 1 else f"{number:.1f}" for number in numbers) + "]"

@@ -1,4 +1,4 @@
-"""Measure the apparent width of the beam near its clamp, from grey values alone."""
+"""Measure the width of the beam near its clamp from grey values."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _POINTS = 1201  # of each line
 
 
 def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -> float | None:
-    """Return the width (mm) of the body in the picture that lies on the beam's axis near the clamp.
+    """Return the width (mm) of the body that lies on the beam's axis near the clamp.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values.
     frame : BeamFrame
         Scale, clamp and axis.
     length_mm : float
@@ -30,7 +30,7 @@ def apparent_width_mm(image: NDArray[Any], frame: BeamFrame, length_mm: float) -
     Returns
     -------
     float or None
-        The width; None if an end of the body is not found.
+        None if a side of the body is not found.
     """
     x = length_mm * np.linspace(_FROM, _TO, _LINES)
     y = _HALF * length_mm * np.linspace(-1.0, 1.0, _POINTS)

@@ -42,8 +42,6 @@ _MAGNET_PLACE_MM = 0.2
 
 @dataclass(frozen=True)
 class _DarkBeamImage:
-    """A grey image in which the beam is dark; for a bright beam, the negative of the picture."""
-
     pixels: NDArray[Any]
     largest: float
     lit_beam: bool
@@ -51,11 +49,7 @@ class _DarkBeamImage:
 
 @dataclass(frozen=True)
 class OutlinedBeam:
-    """A beam in front of a back-light, with its outline accurate to about a pixel.
-
-    `picture` is the image, `clamp` the line at which the beam leaves its clamp, and `silhouette` the outline of the
-    beam.
-    """
+    """An image of a beam, with the clamp line and the outline of the beam (accurate to about a pixel)."""
 
     picture: _DarkBeamImage
     clamp: ClampLine
@@ -69,20 +63,19 @@ class BackLitSearch:
     Attributes
     ----------
     frame : BeamFrame
-        The map between pixels and millimetres.
+        Map between pixels and millimetres.
     pixels_per_mm : float
-        Scale of the calibration.
+        Scale.
     specimen_file : SpecimenFile
         The specimen and its magnet.
     findings : dict of str to float
-        Measured values for the quality checks of the picture. The search adds its values to this dictionary.
+        Measured values for the quality checks; filled by the search.
     limits : mapping of str to float, optional
-        Limits that replace the usual limits of the quality checks, with the same keys.
+        Limits that replace the usual limits of the quality checks.
     even_turn_deg : float
-        The angle by which the beam would have to be turned about its axis to look as wide as in the picture; 0 before
-        the search.
+        Rotation of the beam about its axis that would explain its apparent width; 0 before the search.
     projection : Projection, optional
-        Weighted sum by which the colours of the image become grey values.
+        Weights that convert colours to grey values.
     polarity : {"dark", "bright"}, optional
         Whether the beam is darker or brighter than its surroundings; None to decide from the image.
     """
@@ -107,13 +100,13 @@ class BackLitSearch:
 
         Parameters
         ----------
-        image : array_like, shape (H, W) or (H, W, 3)
-            The image, of any bit depth; H rows, W columns.
+        image : array_like, shape (rows, columns) or (rows, columns, 3)
+            The image.
 
         Returns
         -------
         OutlinedBeam or None
-            None if no beam with two corners at its tip is detected.
+            None if no beam with two corners at its tip is found.
         """
         picture = self._dark_beam_image(image)
         outline = None if picture is None else self._outline(picture)
@@ -127,16 +120,16 @@ class BackLitSearch:
         beam : OutlinedBeam
             The beam with its approximate outline.
         spacing_mm : float
-            Desired distance between the points along the edges.
+            Desired distance between points along an edge.
 
         Returns
         -------
         left, right : EdgePoints
             The edges.
         corners_px : ndarray, shape (4, 2)
-            The corners in px: clamp-left, clamp-right, tip-left, tip-right.
+            Clamp-left, clamp-right, tip-left, tip-right.
 
-            None replaces the three results if an edge is too short, or if the body is too wide to be the beam.
+            None is returned if an edge is too short, or if the body is too wide to be the beam.
         """
         picture = beam.picture
         located = self._two_passes(picture, beam.clamp, beam.silhouette, spacing_mm)
@@ -153,7 +146,7 @@ class BackLitSearch:
         return self._edge_points(left, scatter), self._edge_points(right, scatter), corners_px
 
     def _dark_beam_image(self, image: ArrayLike) -> _DarkBeamImage | None:
-        """Convert an image to grey values in which the beam is dark; return None if it is no image or too small."""
+        """Convert an image to grey values with a dark beam; return None if it is no image or too small."""
         try:
             pixels = grey(image) if self.projection is None else self.projection.apply(image)
         except ValueError:
@@ -167,7 +160,7 @@ class BackLitSearch:
         return _DarkBeamImage((largest - pixels).astype(pixels.dtype) if lit_beam else pixels, largest, lit_beam)
 
     def _outline(self, picture: _DarkBeamImage) -> tuple[ClampLine, Silhouette] | None:
-        """Return the clamp line and the outline of the beam, accurate to about a pixel; None if no beam is found."""
+        """Return the clamp line and the outline of the beam; None if no beam is found."""
         pixels = picture.pixels
         light = measure_back_light(pixels, self.frame, self.shape.at_clamp_mm)
         clamp = find_clamp_line(pixels, self.frame, self.shape.at_clamp_mm, light.bright)
@@ -192,7 +185,7 @@ class BackLitSearch:
     def _two_passes(
         self, picture: _DarkBeamImage, clamp: ClampLine, silhouette: Silhouette, spacing_mm: float
     ) -> tuple[PassResult, Array] | None:
-        """Locate the edges near the outline, then again near the located edges; None if an edge is too short."""
+        """Locate the edges in two searches; return None if an edge is too short."""
         spacing_px = max(spacing_mm * self.pixels_per_mm, AVERAGED_PX)
         margin, hand = self._silicone_margin(), self.frame.hand
         first = first_pass(picture.pixels, silhouette, hand, spacing_px, self.width_px, margin)
@@ -204,7 +197,7 @@ class BackLitSearch:
         return None if second is None else (second, corners_px)
 
     def _silicone_margin(self) -> SiliconeMargin:
-        """Return the width and position of the silicone beside the magnet, in px; the width is 0 without a magnet."""
+        """Return the silicone beside the magnet; its width is 0 without a magnet."""
         magnet = self.specimen_file.magnet
         silicone_mm = 0.5 * max(self.shape.at_magnet_mm - magnet.width_mm, 0.0) if magnet else 0.0
         from_tip_mm = magnet.length_mm + magnet.tip_offset_mm if magnet else 0.0
@@ -215,10 +208,7 @@ class BackLitSearch:
         )
 
     def _measure_shape(self, second: PassResult, corners_px: Array) -> bool:
-        """Add the deviations of width and length, the twist and the clamp's offset to `findings`.
-
-        Return False if the body is too wide to be the beam.
-        """
+        """Store the measured shape of the beam in `findings`; return False if the body is too wide to be the beam."""
         left, right = (side.points_px[side.sound] for side in second.sides)
         # Widths as those of a beam that has its mean width everywhere.
         even = self.shape.even_widths(left, local_widths(left, right), corners_px[:2])
@@ -238,7 +228,7 @@ class BackLitSearch:
         return True
 
     def _without_steps(self, second: PassResult, corners_px: Array) -> PassResult:
-        """Mark the edge points near a step (an abrupt change) of the beam's width as not usable."""
+        """Mark the edge points near an abrupt change of the beam's width as not usable."""
         near = [self.shape.near_step(side.points_px, corners_px[:2], i) for i, side in enumerate(second.sides)]
         sides = tuple(
             replace(side, sound=side.sound & ~left_out) for side, left_out in zip(second.sides, near, strict=True)
@@ -246,22 +236,18 @@ class BackLitSearch:
         return replace(second, sides=sides, residual=np.where(np.concatenate(near), 0.0, second.residual))
 
     def _edge_points(self, side: Side, scatter: float) -> EdgePoints:
-        """Return the usable points of one edge in mm, with their standard deviations multiplied by `scatter`."""
+        """Return the usable points of one edge in mm; multiply their standard deviations by `scatter`."""
         kept = np.flatnonzero(side.sound)[:: side.stride]
         sigma_px = np.maximum(scatter * np.hypot(side.sigma_px, side.common_px)[kept], _LEAST_SIGMA_PX)
         return EdgePoints(self.frame.to_mm(side.points_px[kept]), sigma_px / self.pixels_per_mm)
 
     def words(self) -> dict[str, str]:
-        """Return the texts that fill the placeholders in the advice of the quality checks, by name of the placeholder.
-
-        They say how much a rotation of the beam about its axis changes the fitted modulus.
-        """
+        """Return texts for messages: how much a rotation of the beam changes the fitted modulus."""
         twist = self.findings.get("twist_deg", 0.0)
         return describe_turn_effects(twist, self.even_turn_deg, self.width_mm, self.depth_mm)
 
 
 def _is_brighter_than_beside(image: NDArray[Any], frame: BeamFrame, width_mm: float) -> bool:
-    """Return whether the beam at its clamp is at least a fifth brighter than its surroundings on both sides."""
     inside, left, right = (
         float(np.median(sample(image, root_places(frame, width_mm, aside)))) for aside in (0.0, -1.5, 1.5)
     )
@@ -287,13 +273,13 @@ def _corners(clamp: ClampLine, left: Side, tip: Side, right: Side, width_px: flo
 
 
 def _line_through(points: Array) -> tuple[Array, Array]:
-    """Return the centre and the unit direction of the total-least-squares line through at least two points."""
+    """Return the centre and the unit direction of the total-least-squares line through points."""
     centre = points.mean(axis=0)
     return centre, np.linalg.svd(points - centre, full_matrices=False)[2][0]
 
 
 def _crossing(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the point at which two lines (point, unit direction) cross; NaN if they are almost parallel."""
+    """Return the point at which two lines (point, direction) cross; NaN if they are almost parallel."""
     directions = np.column_stack([one[1], -other[1]])
     if abs(np.linalg.det(directions)) < 0.1:
         return np.full(2, np.nan)

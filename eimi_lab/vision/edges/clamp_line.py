@@ -29,8 +29,7 @@ class ClampLine:
     ahead : ndarray, shape (2,)
         Unit vector perpendicular to the line, away from the clamp.
     visible_share : float
-        Share of the places beside the beam at which the edge of the clamp is visible. Below one half, the clamp line of
-        the calibration is used.
+        Share of the places beside the beam at which the clamp's edge is visible.
     """
 
     point_px: Array
@@ -43,12 +42,12 @@ class ClampLine:
 
 
 def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back_light: float) -> ClampLine:
-    """Find the edge of the clamp on both sides of the beam, near the clamp line of the calibration.
+    """Find the edge of the clamp on both sides of the beam.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam and a dark clamp; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam and a dark clamp.
     frame : BeamFrame
         Clamp and axis of the calibration.
     width_mm : float
@@ -59,7 +58,7 @@ def find_clamp_line(image: NDArray[Any], frame: BeamFrame, width_mm: float, back
     Returns
     -------
     ClampLine
-        The line at the edge of the clamp; the clamp line of the calibration if the edge is not visible.
+        The edge of the clamp; if it is not visible, the clamp line of the calibration.
     """
     origin, ahead_mm, across_mm = frame.to_px([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     scale = float(np.linalg.norm(ahead_mm - origin))

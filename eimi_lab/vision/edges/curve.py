@@ -1,4 +1,4 @@
-"""A smooth curve through the points of an edge of the beam, parametrised by arc length."""
+"""Fit a smooth curve through the points of an edge of the beam."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ class SmoothCurve:
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        At least four points in their order along the curve; n is their number.
+        At least four points in their order along the curve.
     pieces : int
-        Desired number of intervals of the spline. With too few points, the spline has fewer intervals.
+        Desired number of intervals of the spline; fewer if there are too few points.
     equal : bool
-        True for intervals of equal length; an interval with fewer than three points is then joined to the previous
-        interval. False for intervals with equally many points.
+        True for intervals of equal length, False for intervals with equally many points.
 
     Attributes
     ----------
     length : float
         Arc length from the first to the last point, in the unit of the points.
     pieces : int
-        Number of intervals that the spline has.
+        Number of intervals of the spline.
 
     Examples
     --------
@@ -59,7 +58,7 @@ class SmoothCurve:
         self.length = float(self._distance[-1])
 
     def at(self, distance: Array) -> tuple[Array, Array]:
-        """Return the points and the unit tangents of the curve at given arc lengths.
+        """Return points and unit tangents of the curve at given arc lengths.
 
         Beyond its ends the curve continues as a straight line.
 
@@ -71,7 +70,7 @@ class SmoothCurve:
         Returns
         -------
         points, tangents : ndarray, shape (..., 2)
-            The points of the curve, and the unit tangents at these points.
+            Points of the curve, and unit tangents.
         """
         parameter = np.interp(distance, self._distance, self._parameter)
         tangent = self._slope(parameter)
@@ -80,10 +79,7 @@ class SmoothCurve:
         return self._spline(parameter) + beyond[..., None] * tangent, tangent
 
     def curvature(self, distance: Array) -> Array:
-        """Return the curvature vectors of the curve at given arc lengths.
-
-        Each vector points to the centre of curvature; its length is the inverse of the radius.
-        """
+        """Return the curvature vectors (toward the centre of curvature, length 1/radius) at given arc lengths."""
         parameter = np.interp(distance, self._distance, self._parameter)
         slope, second = self._slope(parameter), self._slope.derivative()(parameter)
         speed = np.maximum((slope**2).sum(axis=-1, keepdims=True), 1e-12)
@@ -92,10 +88,7 @@ class SmoothCurve:
 
 
 def _with_points(knots: Array, parameter: Array) -> Array:
-    """Remove inner knots of a spline, so that at least three points lie between neighbouring knots; return the others.
-
-    parameter: the increasing values of the spline's variable at the points.
-    """
+    """Return the knots of a spline, thinned so that at least three points lie between neighbours."""
     before = np.searchsorted(parameter, knots)
     kept = [0]
     for knot in range(1, len(knots) - 1):

@@ -1,4 +1,4 @@
-"""Measure width, length and twist of the beam from its edges, and compare them with the specimen."""
+"""Measure width, length and twist of the beam from its edges."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def local_widths(left: Array, right: Array) -> Array:
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp, in any one unit.
+        Points of the two edges, ordered from the clamp.
 
     Returns
     -------
@@ -35,19 +35,19 @@ def local_widths(left: Array, right: Array) -> Array:
 
 
 def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Array:
-    """Return how much wider a bent beam can look, because its cross-section bows (anticlastic bending).
+    """Return how much wider a bent beam can look because its cross-section bows (anticlastic bending).
 
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp.
+        Points of the two edges, ordered from the clamp.
     width, depth : float
         Width and depth of the specimen, in the unit of the points.
 
     Returns
     -------
     ndarray, shape (n,)
-        Largest increase of the width at each point of the left edge, in the unit of the points.
+        Largest increase of the width at each point of the left edge.
     """
     along = np.linspace(0.0, 1.0, len(left))
     curvature = 0.5 * (_curvature(left, along) + _curvature(right, along))
@@ -57,7 +57,6 @@ def anticlastic_bow(left: Array, right: Array, width: float, depth: float) -> Ar
 
 
 def _curvature(edge: Array, along: Array) -> Array:
-    """Return the smoothed curvature of an edge at given places, which are shares of its length from the clamp."""
     steps = np.diff(edge, axis=0)
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
     direction = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
@@ -69,21 +68,21 @@ def _curvature(edge: Array, along: Array) -> Array:
 def width_deviation(widths: Array, width: float, bow: Array | float = 0.0) -> float:
     """Return the 90th percentile of the relative difference between measured widths and the specimen's width.
 
-    An excess up to `bow`, the largest increase of the width by bending, does not count.
+    An increase of the width by bending, at most `bow`, is not counted.
     """
     excess = widths - width
     return float(np.percentile(np.abs(excess - np.clip(excess, 0.0, bow)) / width, 90))
 
 
 def length_deviation(left: Array, right: Array, corners: Array, length: float) -> float:
-    """Return the relative difference between the mean length of the two edges and the length of the specimen.
+    """Return the relative difference between the mean length of both edges and the specimen's length.
 
     Parameters
     ----------
     left, right : ndarray, shape (n, 2) and (m, 2)
-        Points of the left edge (n points) and of the right edge (m points), ordered from the clamp.
+        Points of the two edges, ordered from the clamp.
     corners : ndarray, shape (4, 2)
-        Clamp-left, clamp-right, tip-left, tip-right: the ends of the two edges.
+        Clamp-left, clamp-right, tip-left, tip-right.
     length : float
         Length of the specimen, in the unit of the points.
     """
@@ -94,12 +93,12 @@ def length_deviation(left: Array, right: Array, corners: Array, length: float) -
 
 
 def twist_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the twist of the beam (degrees) from the clamp to the tip, which makes the beam look wider at its tip.
+    """Return the twist of the beam from clamp to tip (degrees), judged by its widths.
 
     Parameters
     ----------
     widths : ndarray, shape (n,)
-        Widths of the beam in the picture at n places from the clamp to the tip.
+        Apparent widths of the beam from the clamp to the tip.
     width, depth : float
         Width and depth of the specimen, in the unit of the widths.
     """
@@ -113,13 +112,13 @@ def twist_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def even_turn_deg(widths: Array, width: float, depth: float) -> float:
-    """Return the angle (degrees) by which the beam must be turned about its axis to look as wide as measured."""
+    """Return the rotation of the beam about its axis (degrees) that explains its apparent widths."""
     apparent = float(np.median(widths))
     return _turn_deg(apparent, width, depth) if apparent > width else 0.0
 
 
 def _turn_deg(apparent: float, width: float, depth: float) -> float:
-    """Return the angle (degrees) by which a box must be turned about its axis to look as wide as `apparent`."""
+    """Return the rotation of a box about its axis (degrees) that explains its apparent width."""
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
     return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)
@@ -128,14 +127,12 @@ def _turn_deg(apparent: float, width: float, depth: float) -> float:
 def stiffening_by_twist(root_deg: float, tip_deg: float, width: float, depth: float) -> float:
     """Return by which fraction a twist makes a box stiffer against bending in the plane of the image.
 
-    A fit that assumes no twist gives a modulus that is too large by this fraction.
-
     Parameters
     ----------
     root_deg, tip_deg : float
-        Angles by which the sections at the clamp and at the tip are turned about the axis of the box.
+        Rotations of the sections at the clamp and at the tip about the axis of the box.
     width, depth : float
-        Width and depth of the box, in any one unit.
+        Width and depth of the box, in any unit.
 
     Examples
     --------

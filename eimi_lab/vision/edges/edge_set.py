@@ -1,7 +1,4 @@
-"""The result of the search for edges in one state: two edges in millimetres, and the flags.
-
-A state is one load step of a dataset. A flag is the record of a quality check that the state did not pass.
-"""
+"""Both edges of the beam in millimetres, with the flags (records of failed quality checks)."""
 
 from __future__ import annotations
 
@@ -17,16 +14,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EdgePoints:
-    """The points of one edge in the beam frame, ordered from the clamp to the tip.
-
-    The beam frame has its origin at the clamp, x along the undeformed beam, and y across the beam.
+    """The n points of one edge, ordered from the clamp to the tip.
 
     Attributes
     ----------
     points_mm : ndarray, shape (n, 2)
-        The n points of the edge.
+        x along the undeformed beam from the clamp, y across the beam.
     sigma_mm : ndarray, shape (n,)
-        Standard deviation of each point along the normal of the edge.
+        Standard deviation of each point perpendicular to the edge.
     """
 
     points_mm: Array
@@ -35,20 +30,20 @@ class EdgePoints:
 
 @dataclass(frozen=True)
 class EdgeSet:
-    """Both edges of the beam in one picture, with the corners and the failed quality checks.
+    """Both edges of the beam in one picture, with corners and failed quality checks.
 
     Attributes
     ----------
     left, right : EdgePoints
-        The edges. Without coil field, the left edge has y < 0. Both edges are empty if no beam was detected.
+        The edges; empty if no beam was found. Without coil field, the left edge has y < 0.
     flags : tuple of Flag
-        The quality checks that the picture did not pass.
+        The failed quality checks.
     corners_px : ndarray, shape (4, 2)
         Clamp-left, clamp-right, tip-left, tip-right; NaN for a corner that was not located.
     calibration_digest : str
-        Checksum of the calibration that mapped pixels to millimetres.
+        Checksum of the calibration.
     calibration_age_days : float, optional
-        Age of the calibration when the picture was taken; None if the age is not known.
+        Age of the calibration when the picture was taken; None if unknown.
     """
 
     left: EdgePoints
@@ -60,7 +55,7 @@ class EdgeSet:
 
     @property
     def middle_mm(self) -> Array:
-        """The middle line of the beam, mm, shape (n, 2); empty if an edge has no points."""
+        """The centre line of the beam, mm, shape (n, 2); empty if an edge has no points."""
         left, right = self.left.points_mm, self.right.points_mm
         if not (len(left) and len(right)):
             return np.zeros((0, 2))
@@ -73,7 +68,7 @@ END_SHARE = 0.1
 
 
 def tip_angle_deg(edges: EdgeSet) -> float:
-    """Return the direction of the tip (degrees), from +x (along the undeformed beam) toward +y (across the beam).
+    """Return the direction of the tip in degrees, from x (undeformed beam) toward y (across the beam).
 
     Parameters
     ----------
@@ -91,7 +86,7 @@ def tip_angle_deg(edges: EdgeSet) -> float:
 
 
 def tip_angle_sigma_deg(edges: EdgeSet) -> float:
-    """Return the standard uncertainty of the direction of the tip in degrees, due to the noise of the edge points.
+    """Return the standard uncertainty (degrees) of the direction of the tip due to noise.
 
     Parameters
     ----------
@@ -115,7 +110,7 @@ def tip_angle_sigma_deg(edges: EdgeSet) -> float:
 
 
 def _end_direction(points_mm: Array) -> Array:
-    """Return the unit vector along the last tenth of an edge, away from the clamp; NaN for fewer than three points."""
+    """Return the unit vector along the last tenth of an edge; NaN for fewer than three points."""
     if len(points_mm) < 3:
         return np.full(2, np.nan)
     end = points_mm[_end(points_mm)]
@@ -124,7 +119,7 @@ def _end_direction(points_mm: Array) -> Array:
 
 
 def _end(points_mm: Array) -> NDArray[np.bool_]:
-    """Return whether each point of an edge is one of the last three, or lies in the last tenth of the edge."""
+    """Return which points of an edge are in its last tenth or among its last three."""
     steps = np.hypot(*np.diff(points_mm, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(along >= min(along[-1] * (1.0 - END_SHARE), along[-3]))

@@ -1,4 +1,4 @@
-"""Find both edges of the beam in one image, by its silhouette or by following the beam from its clamp."""
+"""Find both edges of the beam in one image."""
 
 from __future__ import annotations
 
@@ -47,38 +47,34 @@ def find_edges(
 ) -> EdgeSet:
     """Find both edges of the beam in one image.
 
-    If the beam is brighter than its surroundings at the clamp, it is taken as a lit beam in front of a dark background.
-
     Parameters
     ----------
-    image : array_like, shape (H, W) or (H, W, 3)
-        The image, of any bit depth; H rows, W columns. Without a beam the edges are empty, and flags give the reason.
+    image : array_like, shape (rows, columns) or (rows, columns, 3)
+        The image.
     calibration : Calibration
         Scale, clamp, axis and lens.
     specimen_file : SpecimenFile
         The specimen and its magnet.
     spacing_mm : float
-        Desired distance between the points along the edges. It is increased if an edge would have too many points, or
-        if neighbouring points would be located from the same pixels.
+        Desired distance between points along an edge; increased if the points would be too many or too close.
     limits : mapping of str to float, optional
-        Limits that replace the usual limits of the quality checks, with the same keys.
+        Limits that replace the usual limits of the quality checks.
     calibration_age_days : float, optional
         Age of the calibration when the image was taken.
     projection : Projection, optional
-        Weighted sum by which the image's colours become grey values.
+        Weights that convert colours to grey values.
     earlier : callable, optional
-        Function that returns the edges in an earlier picture with the same calibration, or None. The function is called
-        only if several bodies are equally likely to be the beam. The body nearest to the earlier edges is then used.
+        Function that returns the edges in an earlier picture, or None. It is called if several bodies may be the beam;
+        the body nearest to the earlier edges is chosen.
     expected_mm : ndarray, shape (n, 2), optional
-        Points of the centre line of the beam in an earlier picture, from the clamp outward. They replace the points of
-        the calibration that a person clicked.
+        Centre line of the beam in an earlier picture, from the clamp. It replaces the points that a person clicked.
     between_mm : ndarray, shape (m, 2), optional
-        Points of the centre line in a later picture. The beam is then expected between the two lines.
+        Centre line in a later picture. The beam is expected between both lines.
 
     Returns
     -------
     EdgeSet
-        Both edges in mm, the flags (failed quality checks) and the corners of the beam.
+        Edges, corners and failed quality checks. Without a beam, the edges are empty.
 
     Examples
     --------
@@ -197,13 +193,12 @@ def follow_beam(
 
 
 def _clicks(calibration: Calibration) -> Array | None:
-    """Return the points of the beam that a person clicked, px; None without clicked points."""
     clicks = calibration.picture.along_px if calibration.picture else None
     return None if clicks is None else np.array(clicks)
 
 
 def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
-    """Return whether a point that a person clicked on the beam lies clearly outside the edges."""
+    """Return whether a point that a person clicked lies clearly outside the edges."""
     left, right = (frame.to_px(edge.points_mm) for edge in edges[:2])
     middle = 0.5 * (left + right[np.linalg.norm(left[:, None] - right, axis=2).argmin(axis=1)])
     half = 0.5 * float(np.median(np.linalg.norm(left[:, None] - right, axis=2).min(axis=1)))
@@ -211,7 +206,7 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
-    """Return whether the edges from the outline are in doubt, so that the beam is followed from its clamp instead."""
+    """Return whether the edges from the outline are doubtful."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:
         return leaves_out(judge(doubts, search.limits, search.words()))
@@ -222,10 +217,7 @@ def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> boo
 
 
 def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[str, float] | None) -> _Edges | None:
-    """Return the edges of a beam that was followed from its clamp; None if there are none or if they are unusable.
-
-    The four corners of the beam are NaN, because following does not locate them.
-    """
+    """Return the edges of a beam that was followed from its clamp (with NaN corners); None if they are unusable."""
     if followed.edges is None or leaves_out(judge(followed.findings, limits, followed.words)):
         return None
     left, right = (_points(side, frame) for side in followed.edges)
@@ -235,11 +227,9 @@ def _followed_edges(followed: FollowedBeam, frame: BeamFrame, limits: Mapping[st
 
 
 def _points(side: StripEdges, frame: BeamFrame) -> EdgePoints:
-    """Convert one edge of a beam from pixels to millimetres."""
     return EdgePoints(frame.to_mm(side.points), side.sigma * _pixel_mm(frame))
 
 
 def _pixel_mm(frame: BeamFrame) -> float:
-    """Return the size of a pixel at the clamp, mm."""
     origin, ahead = frame.to_px([[0.0, 0.0], [1.0, 0.0]])
     return 1.0 / float(np.linalg.norm(ahead - origin))

@@ -1,4 +1,4 @@
-"""Draw the edges of the beam and the failed quality checks (flags) on a frame, and combine pictures on one sheet."""
+"""Draw the edges of the beam and the failed quality checks (flags) on a frame."""
 
 from __future__ import annotations
 
@@ -47,23 +47,21 @@ def draw_overlay(
 
     Parameters
     ----------
-    image : array_like, shape (H, W) or (H, W, 3)
-        The picture, of any bit depth; H rows, W columns.
+    image : array_like, shape (rows, columns) or (rows, columns, 3)
+        The picture.
     edges : EdgeSet
         The edges and flags.
     calibration : Calibration
         The map between millimetres and pixels.
     specimen_file : SpecimenFile, optional
-        If given and if there are no edges, the expected beam is drawn in light blue: a straight beam with the length
-        and width of the specimen.
+        If there are no edges, a straight beam of this length and width is drawn in light blue.
     followed : FollowedBeam, optional
-        The result of following the beam from its clamp. If there are no edges and `specimen_file` is given, the
-        followed path is drawn in yellow, with a cross at its end.
+        If there are no edges and `specimen_file` is given, this followed path is drawn in yellow.
 
     Returns
     -------
     ndarray of uint8, shape (h, w, 3)
-        The drawing of h rows and w columns; blue, green, red.
+        The drawing of height h and width w; blue, green, red.
 
     Raises
     ------
@@ -88,7 +86,7 @@ def draw_overlay(
 
 
 def in_colour(image: ArrayLike) -> NDArray[np.uint8]:
-    """Convert an image, grey or in colour, of any bit depth, to colours of 8 bits, shape (H, W, 3)."""
+    """Convert an image of any kind to colours of 8 bits, shape (rows, columns, 3)."""
     pixels = np.asarray(image)
     if pixels.ndim != 3:
         return np.asarray(cv2.cvtColor(eight_bit(image), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
@@ -101,7 +99,6 @@ def _draw_line(picture: NDArray[np.uint8], points: NDArray[Any], colour: tuple[i
 
 
 def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: SpecimenFile) -> None:
-    """Draw the beam that calibration and specimen file describe, as a straight beam."""
     length, half = specimen_file.specimen.length_mm, 0.5 * specimen_file.specimen.width_mm
     for line in (
         [[0.0, -2.0 * half], [0.0, 2.0 * half]],
@@ -113,7 +110,7 @@ def _draw_stated(picture: NDArray[np.uint8], frame: BeamFrame, specimen_file: Sp
 
 
 def _draw_followed(picture: NDArray[np.uint8], followed: FollowedBeam) -> None:
-    """Draw the path along which a beam was followed, the reliable points of both edges, and a cross at the end."""
+    """Draw a followed path with a cross at its end, and the reliable points of both edges."""
     path = followed.path_px
     _draw_line(picture, path, FOLLOWED_COLOUR)
     for edge in followed.sure_px:
@@ -147,21 +144,21 @@ def _with_words_below(picture: NDArray[np.uint8], flags: Sequence[Flag]) -> NDAr
 def contact_sheet(
     pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], size_px: tuple[int, int] = _SHEET_PX
 ) -> NDArray[np.uint8]:
-    """Combine many pictures with captions on one roughly square sheet.
+    """Combine pictures with captions on one roughly square sheet.
 
     Parameters
     ----------
     pictures : sequence of ndarray of uint8, shape (h, w, 3)
-        The pictures, each of h rows and w columns. Large pictures are reduced.
+        Pictures of height h and width w; large pictures are reduced.
     captions : sequence of str
-        The captions, each above its picture.
+        A caption above each picture.
     size_px : tuple of int
-        Width and height in px of the rectangle that contains one picture and its caption.
+        Width and height of the space for one picture and its caption.
 
     Returns
     -------
-    ndarray of uint8, shape (H, W, 3)
-        The sheet, with the same order of colours as in the pictures; H rows, W columns.
+    ndarray of uint8, shape (rows, columns, 3)
+        The sheet, with the order of colours of the pictures.
     """
     wide, high = size_px
     columns = max(1, math.ceil(math.sqrt(len(pictures))))
@@ -180,7 +177,6 @@ def contact_sheet(
 
 
 def _normals(points: NDArray[Any]) -> NDArray[Any]:
-    """Return both end points of short lines across an edge, at every tenth of its points."""
     if len(points) < 3:
         return np.zeros((0, 2, 2))
     tangent = np.gradient(points, axis=0)
@@ -190,5 +186,5 @@ def _normals(points: NDArray[Any]) -> NDArray[Any]:
 
 
 def _fixed_point(points: NDArray[Any]) -> NDArray[np.int32]:
-    """Convert points to the fixed-point integers of OpenCV's sub-pixel drawing, clipped to the range of OpenCV."""
+    """Convert points to the fixed-point integers of OpenCV's sub-pixel drawing."""
     return np.rint(np.clip(points, -1e5, 1e5) * 2**_SUB_PIXEL_BITS).astype(np.int32)

@@ -1,8 +1,4 @@
-"""Locate the edges of the beam in two passes.
-
-The first pass searches on normals to the outline of the silhouette. The second pass searches on normals to smooth
-curves through the edge points of the first pass.
-"""
+"""Locate the edges of the beam in two searches: near its outline, then near the edges of the first search."""
 
 from __future__ import annotations
 
@@ -47,9 +43,9 @@ class SiliconeMargin:
     width_px : float
         Width of the silicone on each side of the magnet.
     tolerance_px : float
-        Standard deviation of this width, because a magnet is seldom exactly in the middle of the beam.
+        Standard deviation of this width.
     begins_px : float
-        Distance from the tip to the end of the magnet that is nearer to the clamp.
+        Distance from the tip to the far end of the magnet.
     """
 
     width_px: float
@@ -59,28 +55,24 @@ class SiliconeMargin:
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the beam's outline (left edge, tip or right edge), with the n points that were located on it.
-
-    The points of the left and the right edge are ordered from the clamp to the tip.
+    """The n points that were located on the left edge, the tip or the right edge.
 
     Attributes
     ----------
     curve : SmoothCurve
-        The curve on whose normals the edge points were searched.
+        Approximate edge, on whose normals the points were searched.
     points_px : ndarray, shape (n, 2)
         The edge points.
     offset_px : ndarray, shape (n,)
         Distance of each point from the curve.
     sigma_px : ndarray, shape (n,)
-        Standard deviation of the offset by the noise of the image, up to a factor that all points of the image share.
+        Standard deviation of the offset due to image noise, before the multiplication by `scatter_scale`.
     common_px : ndarray, shape (n,)
-        Standard deviation of the error of the offset that is the same for neighbouring points, because the width of the
-        silicone beside the magnet is uncertain. It has the same factor as `sigma_px`.
+        Standard deviation of the offset due to the uncertain silicone width, before that multiplication.
     sound : ndarray of bool, shape (n,)
         Whether an edge was detected at each point.
     stride : int
-        Every stride-th of the n points is stored as a point of the edge. The other points only serve to estimate the
-        scatter.
+        Every stride-th point is stored as a point of the edge.
     """
 
     curve: SmoothCurve
@@ -94,22 +86,20 @@ class Side:
 
 @dataclass(frozen=True)
 class PassResult:
-    """The result of one search for the edges, on n normals to curves near the edges.
-
-    A profile contains the m grey values along one normal.
+    """The result of one search for the edges, on n lines across them.
 
     Attributes
     ----------
     sides : tuple of Side
-        The sides of the outline with their edge points.
+        The located edges.
     steps : Steps
-        The blurred steps from dark to bright that were fitted to the profiles.
+        The blurred steps that were fitted to the grey values.
     stations_px : ndarray, shape (m,)
-        Distances along a normal at which the grey values were read, positive outward.
+        Distances along a line at which grey values were read, positive outward.
     profiles : ndarray, shape (n, m)
-        The grey values, divided by the relative change of the back-light along each normal.
+        Grey values, corrected for an uneven back-light.
     residual : ndarray, shape (n,)
-        RMS residual of each profile as a share of the height of its step; 1 if there is no step.
+        RMS residual on each line, as a share of the height of the step.
     """
 
     sides: tuple[Side, ...]
@@ -120,27 +110,27 @@ class PassResult:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Whether an edge point was located on each normal to the edge."""
+        """Whether an edge point was located on each line across the edge."""
         return np.concatenate([side.sound for side in self.sides])
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether each line across an edge is in the half near the clamp, and an edge point was located on it."""
+        """Whether each line across an edge has an edge point and lies in the half near the clamp."""
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
     def plateau(self, outward: float) -> Array:
-        """Return the grey values on one side of the edge, so far from the edge that its blur has no effect on them.
+        """Return grey values beside the edge, where its blur has no effect.
 
         Parameters
         ----------
         outward : float
-            +1 for the grey values outside the beam, -1 for the grey values inside.
+            +1 for values outside the beam, -1 for values inside.
 
         Returns
         -------
         ndarray, shape (p, s)
-            Grey values on the p normals with an edge point, at s distances from the edge.
+            Grey values on p lines with an edge point, at s distances from the edge.
         """
         away = outward * self.stations_px
         return self.profiles[self.sound][:, away >= min(2.0 * self.steps.blur_px, float(away.max()))]
@@ -154,20 +144,18 @@ def first_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left edge, the tip and the right edge of the beam near its approximate outline.
-
-    Where the silicone beside the magnet is thin, the located edge lies some tenths of a pixel too far inside.
+    """Locate the left edge, the tip and the right edge of the beam near its outline.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam.
     silhouette : Silhouette
-        The outline of the beam and the corners of its tip, accurate to about a pixel.
+        Outline of the beam and corners of its tip, accurate to about a pixel.
     hand : float
-        +1 if the y axis is a quarter turn clockwise of the x axis in the image, else -1.
+        +1 if y is a quarter turn clockwise of x in the image, else -1.
     spacing_px : float
-        Desired distance between the points along the long edges.
+        Desired distance between points along the long edges.
     width_px : float
         Width of the specimen.
     margin : SiliconeMargin
@@ -176,7 +164,7 @@ def first_pass(
     Returns
     -------
     PassResult or None
-        Sides: left edge, tip, right edge. None if the silhouette has no corners, or if an edge is too short.
+        Left edge, tip, right edge. None if the silhouette has no corners, or if an edge is too short.
     """
     if silhouette.corners is None:
         return None
@@ -208,14 +196,12 @@ def second_pass(
     width_px: float,
     margin: SiliconeMargin,
 ) -> PassResult | None:
-    """Locate the left and right edges of the beam again, near the edges from the first search.
-
-    Points near the corners are left out, and thin silicone beside the magnet does not bias the edges.
+    """Locate the left and right edges of the beam near the edges from the first search.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam.
     first : PassResult
         Result of the first search.
     corners_px : ndarray, shape (4, 2)
@@ -226,7 +212,7 @@ def second_pass(
     Returns
     -------
     PassResult or None
-        Sides: left edge, right edge. None if a corner is NaN, or if an edge has fewer than eight points.
+        Left edge, right edge. None if a corner is NaN, or if an edge has fewer than eight points.
     """
     sides = (first.sides[0], first.sides[-1])
     if not np.isfinite(corners_px).all() or min(side.sound.sum() for side in sides) < _FEWEST_POINTS:
@@ -255,7 +241,7 @@ def second_pass(
 
 
 def _transmission(located: PassResult) -> float:
-    """Return the share of light that passes through the beam near the clamp; 0 if no edge point was located there."""
+    """Return the share of light that passes through the beam near the clamp; 0 if it was not measured."""
     near, steps = located.near_clamp, located.steps
     share = steps.dark[near] / np.maximum(steps.bright[near], 1e-9)
     return float(np.clip(np.median(share), 0.0, 1.0)) if near.any() else 0.0
@@ -282,32 +268,10 @@ def _locate(
     fewest: int,
     cover: Cover | None = None,
 ) -> PassResult | None:
-    """Locate the edge points of each side of the outline on normals to a curve.
+    """Locate edge points on lines across each curve; return None if a curve has fewer points than `fewest`.
 
-    Parameters
-    ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
-    curves : sequence of SmoothCurve
-        One curve for each side of the outline.
-    arc_lengths : sequence of (ndarray, int)
-        For each curve, the arc lengths at which the edge is searched, and a number s: only every s-th located point is
-        stored as a point of the edge.
-    outward : sequence of float
-        For each curve, +1 if the bright surroundings of the beam lie clockwise of the tangent of the curve, else -1.
-    stations_px : ndarray, shape (m,)
-        The m distances along a normal at which grey values are read, positive outward.
-    blur_px : float
-        Initial value of the blur in the fit.
-    fewest : int
-        Smallest permitted number of edge points on a curve.
-    cover : Cover, optional
-        Silicone beside a magnet.
-
-    Returns
-    -------
-    PassResult or None
-        None if a curve has fewer edge points than `fewest`.
+    `arc_lengths`: for each curve, places of the lines, and s (every s-th point is stored). `outward`: +1 if the bright
+    side is clockwise of the tangent, else -1.
     """
     points, normals = [], []
     for curve, (place, _), sign in zip(curves, arc_lengths, outward, strict=True):
@@ -344,33 +308,25 @@ def _locate(
 
 
 def _inner_reach_px(half_px: float, cover_px: float, blur_px: float) -> float:
-    """Return how far (px) grey values may be read into the beam, so that the edge of the magnet is not reached.
-
-    If the silicone beside the magnet is too thin for this, the result is `half_px`, the largest value.
-    """
+    """Return how far (px) grey values are read into the beam, so that the magnet is avoided if possible."""
     return min(half_px, cover_px - 1.5 * blur_px) if cover_px > 3.0 * blur_px else half_px
 
 
 def _smooth(points: Array, width_px: float) -> SmoothCurve:
-    """Return a smooth curve through ordered points, with spline intervals of about 0.7 beam widths."""
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
     return SmoothCurve(points, max(1, round(length / (_PIECE_IN_WIDTHS * width_px))))
 
 
 def _clear_of_ends(points: Array, margin: float) -> NDArray[np.bool_]:
-    """Return whether each of the ordered points is at least `margin` away from the first and from the last point."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     return (distance >= margin) & (distance <= distance[-1] - margin)
 
 
 def _arc_lengths(begin: float, end: float, spacing: float, widest: float) -> tuple[Array, int]:
-    """Return evenly spaced arc lengths at which an edge is searched, and a number s: every s-th point is stored.
-
-    The stored points are `spacing` apart, or farther if there would be too many. If this distance exceeds `widest`,
-    further points between them are searched. These serve to estimate the scatter.
-    """
+    """Return the arc lengths at which an edge is searched, and a number s: every s-th point is stored."""
     length = max(end - begin, 0.0)
     gaps = min(int(length / spacing), MOST_POINTS - 1)
     gap = length / max(gaps, 1)
+    # Between points that are far apart, further points are searched to estimate the scatter.
     stride = max(1, min(math.ceil(gap / widest), int(gap / AVERAGED_PX)))
     return np.linspace(begin, end, gaps * stride + 1), stride

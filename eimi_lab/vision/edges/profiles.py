@@ -1,4 +1,4 @@
-"""Read profiles of grey values along the normals of an edge of the beam, and fit blurred steps to the profiles."""
+"""Read grey values along lines across an edge of the beam, and fit blurred steps to them."""
 
 from __future__ import annotations
 
@@ -22,19 +22,17 @@ _BLUR_LIMITS_PX = (0.3, 8.0)
 def sample(image: NDArray[Any], points_px: Array) -> Array:
     """Return the values of an image at points between its pixels, by bilinear interpolation.
 
-    Beyond the border of the image, the value of the nearest border pixel is used.
-
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, channels)
-        The image; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, channels)
+        The image.
     points_px : ndarray, shape (..., 2)
         Coordinates x, y of the points.
 
     Returns
     -------
     ndarray, shape (...) or (..., channels)
-        The interpolated value at each point.
+        The value at each point; beyond the border, the value of the nearest border pixel.
 
     Examples
     --------
@@ -65,7 +63,7 @@ def normals_of(tangents: Array) -> Array:
 
 
 def stations(inner_px: float, outer_px: float) -> Array:
-    """Return distances from -inner_px to outer_px in steps of half a pixel; 0 is one of them."""
+    """Return distances from -inner_px to outer_px in steps of half a pixel, with 0 among them."""
     first, last = -round(inner_px / _STEP_PX), round(outer_px / _STEP_PX)
     return np.arange(first, last + 1, dtype=np.float64) * _STEP_PX
 
@@ -73,23 +71,23 @@ def stations(inner_px: float, outer_px: float) -> Array:
 def read_profiles(
     image: NDArray[Any], points_px: Array, normals: Array, stations_px: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Read the grey values along lines across an edge, as means over k parallel lines.
+    """Read grey values along lines across an edge, averaged over k parallel lines.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, channels)
-        The image; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, channels)
+        The image.
     points_px, normals : ndarray, shape (n, k, 2)
         Origins and unit directions of k lines at each of n places.
     stations_px : ndarray, shape (m,)
-        The m distances from the origin along the lines at which grey values are read.
+        Distances along the lines.
 
     Returns
     -------
     profiles : ndarray, shape (n, m) or (n, m, channels)
         Mean grey values of the k lines.
     inside : ndarray of bool, shape (n,)
-        Whether the lines at each place lie entirely in the image.
+        Whether all lines at a place lie entirely in the image.
     """
     # Interpolation blurs least at the centre of a pixel and most between two pixels. The lines are shifted against each
     # other by parts of a pixel, so that an edge along the rows of pixels is blurred like any other edge.
@@ -105,17 +103,14 @@ def read_profiles(
 class Cover:
     """The silicone between a magnet and the edge of the beam, on each of k sides.
 
-    A profile contains the grey values along a line across an edge of the beam.
-
     Attributes
     ----------
     group : ndarray of int, shape (n,)
-        For each of n profiles, the index from 0 to k - 1 of the side whose silicone the profile crosses; -1 for a
-        profile that does not cross the magnet.
+        For each of n lines across an edge, the side (0 to k - 1); -1 for a line beside the magnet.
     width_px : ndarray, shape (k,)
-        Prior mean of the width of the silicone on each side.
+        Prior mean of the silicone's width.
     tolerance_px : ndarray, shape (k,)
-        Prior standard deviation of the width of the silicone on each side.
+        Prior standard deviation of the silicone's width.
     transmission : float
         Share of the light that passes through the silicone.
     """
@@ -128,23 +123,22 @@ class Cover:
 
 @dataclass(frozen=True)
 class Steps:
-    """Blurred steps from dark to bright that were fitted to the grey values along n lines across an edge.
+    """Blurred steps that were fitted to the grey values along n lines across an edge.
 
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Distance from the origin of each line to the edge, along the line.
+        Distance along each line from its origin to the edge.
     dark, bright : ndarray, shape (n,)
-        Grey values on the dark and on the bright side of each step.
+        Grey values on both sides of each step.
     blur_px : float
-        Standard deviation of the Gaussian blur, common to all lines.
+        Standard deviation of the Gaussian blur of all steps.
     residual : ndarray, shape (n,)
-        RMS residual on each line as a share of the height of its step.
+        RMS residual on each line, as a share of the height of its step.
     sensitivity : ndarray, shape (n,)
-        Standard deviation of the offset (px) for independent noise with a standard deviation of one grey level.
+        Standard deviation of the offset (px) for noise of one grey level.
     common_px : ndarray, shape (n,)
-        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet. All lines on one
-        side of the beam share this error.
+        Standard deviation of the offset due to the uncertain width of the silicone beside the magnet.
     sound : ndarray of bool, shape (n,)
         Whether a step was detected on each line.
     """
@@ -172,26 +166,25 @@ def fit_steps(
 
         g(u) = dark + (bright - dark) · Φ((u - o) / s),    Φ(z) = (1 + erf(z / √2)) / 2,
 
-    where dark and bright are the grey values beside the step, o is its offset, and s the standard deviation of the
-    blur.
+    with the grey values dark and bright, the offset o of the step, and the standard deviation s of the blur.
 
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        The m distances along the lines at which the grey values were read.
+        Distances along the lines.
     profiles : ndarray, shape (n, m)
-        Grey values along the n lines, from the dark to the bright side of the edge.
+        Grey values from the dark to the bright side of the edge.
     blur_px : float
-        Initial value of the standard deviation s of the blur.
+        Initial value of s.
     usable : ndarray of bool, shape (n,), optional
-        Whether a line may contribute to the common blur; by default all lines do.
+        Which lines may contribute to the blur; by default all.
     cover : Cover, optional
         Silicone beside a magnet, which causes a second step.
 
     Returns
     -------
     Steps
-        The offset, the grey values beside the step and the residual on each line, and the common blur.
+        The fitted steps.
 
     Examples
     --------
@@ -243,7 +236,7 @@ def fit_steps(
 
 
 def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Return initial values for the fit of a step on each line: the dark value, the bright value and the offset."""
+    """Return initial values for the fit of a step on each line: dark value, bright value and offset."""
     ends = max(2, len(u) // 6)
     dark, bright = profiles[:, :ends].mean(axis=1), profiles[:, -ends:].mean(axis=1)
     height = np.where(bright - dark > 1e-9, bright - dark, 1.0)
@@ -256,7 +249,7 @@ def _first_guess(u: Array, profiles: Array, cover: Cover, covered: NDArray[np.in
 
 
 class _SharedUnknowns:
-    """The unknowns that all lines across an edge share: the blur and the widths of the silicone beside a magnet."""
+    """Unknowns that all lines across an edge share: the blur and the silicone widths beside a magnet."""
 
     def __init__(self, blur_px: float, cover: Cover, span_px: float) -> None:
         # The widths start at half of their prior means: from too wide a cover the iteration may end at none.
@@ -269,19 +262,13 @@ class _SharedUnknowns:
 
     @property
     def blur_px(self) -> float:
-        """Standard deviation of the blur, px."""
         return float(self.values[0])
 
     def step(self, reduced: Array, residuals: Array) -> Array:
-        """Improve the shared unknowns by one Gauss-Newton step, and return their changes, px.
+        """Improve the unknowns by one Gauss-Newton step, and return their changes, px.
 
-        Parameters
-        ----------
-        reduced : ndarray, shape (n, m, 1 + k)
-            Derivatives of the m grey values on n lines with respect to the 1 + k shared unknowns, after the three
-            unknowns of each line (dark value, bright value and offset of its step) were eliminated.
-        residuals : ndarray, shape (n, m)
-            Measured minus fitted grey values.
+        `reduced`: derivatives of m grey values on n lines by the u unknowns, shape (n, m, u), without the part that
+        each line's own unknowns can fit.
         """
         self._noise = float((residuals**2).mean()) if len(residuals) else 0.0
         jacobian = reduced.reshape(-1, len(self.values))
@@ -294,24 +281,17 @@ class _SharedUnknowns:
         return change
 
     def cover_variances(self) -> Array:
-        """Return the variances of the fitted widths of the silicone beside the magnet, px².
-
-        `step` must have been called before.
-        """
+        """Return the variances of the fitted silicone widths, px²; call `step` before."""
         return np.asarray(self._noise * np.diag(np.linalg.inv(self._normal))[1:])
 
 
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return the derivatives of the fitted grey values with respect to the unknowns, for m places on each of n lines.
+    """Return derivatives of the fitted grey values at m distances on n lines.
 
-    Returns
-    -------
-    columns : ndarray, shape (n, m, 3)
-        Derivatives by the three unknowns of each line: the dark value, the bright value and the offset of its step.
-    shared_columns : ndarray, shape (n, m, 1 + k)
-        Derivatives by the blur and by the widths of the silicone on k sides of the magnet.
+    They are taken by dark value, bright value and offset of each line, shape (n, m, 3), and by blur and k silicone
+    widths, shape (n, m, 1 + k).
     """
     blur = float(shared[0])
     rise, bell, z = _blurred_step(u - offset[:, None], blur)
@@ -334,28 +314,22 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return the values of a blurred unit step, its slopes, and the distances divided by the blur."""
+    """Return values and slopes of a blurred unit step, and the distances divided by the blur."""
     z = distances / blur
     return 0.5 * (1.0 + scipy.special.erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 
 
 def _inverse(normal: Array) -> Array:
-    """Return the inverses of the normal matrices of n least-squares fits with three unknowns each."""
     size = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     return np.linalg.inv(normal + (1e-9 * size + 1e-12) * np.eye(3))
 
 
 def _solve(columns: Array, inverse: Array, target: Array) -> Array:
-    """Solve n linear least-squares problems with three unknowns each, and return the solutions."""
     return (inverse @ (np.swapaxes(columns, 1, 2) @ target[..., None]))[..., 0]
 
 
 def _typical(residuals: Array, step: Array, group: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return on which of n lines across an edge the fit is not disturbed, for example by dirt on the edge, (n,).
-
-    residuals: (n, m) for m points on each line. step: height of the fitted step of each line. group: the edge of each
-    line, as an index.
-    """
+    """Return which of n lines across an edge have a fit without disturbance, for example by dirt."""
     relative = np.sqrt((residuals**2).mean(axis=1)) / np.maximum(np.abs(step), 1e-9)
     typical = np.zeros(len(relative), dtype=bool)
     for number in np.unique(group):

@@ -1,4 +1,4 @@
-"""Measure contrast, clipping, blur and gamma at the edges of a picture, for the quality checks (flags)."""
+"""Measure contrast, clipping, blur and gamma at the edges of a picture, for the quality checks."""
 
 from __future__ import annotations
 
@@ -18,20 +18,18 @@ _MOST_TURN_DEG = 15.0  # a wider beam is not explained by a turn
 def light_findings(
     edge_pass: PassResult, largest: float, lit_beam: bool, limits: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Measure contrast, clipping, blur, residual and gamma at the edges, for the quality checks of a picture.
+    """Measure contrast, clipping, blur, residual and gamma at the edges, for the quality checks.
 
     Parameters
     ----------
     edge_pass : PassResult
-        Grey values across the edges, and fitted steps, of a picture with a dark beam, or of the negative of a picture
-        with a lit beam.
+        Grey values across the edges, with fitted steps, for a dark beam.
     largest : float
-        Full scale of the camera, grey levels.
+        Largest grey value of the camera.
     lit_beam : bool
-        Whether the picture is a negative.
+        Whether the grey values were inverted because the beam is bright.
     limits : mapping of str to float, optional
-        Limits that replace the usual limits of the quality checks. Gamma is not measured if the share of clipped pixels
-        exceeds its limit.
+        Limits that replace the usual limits of the quality checks.
 
     Returns
     -------
@@ -58,10 +56,9 @@ def light_findings(
 
 
 def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
-    """Estimate the gamma of the camera from the edges near the clamp; None if the picture does not determine it.
+    """Return the gamma of the camera from the edges near the clamp; None if it cannot be determined.
 
-    `inverted_from` is None, unless the picture was turned into a negative (dark for bright). It is then the full scale
-    of the camera.
+    `inverted_from`: largest grey value of the camera if the grey values were inverted, else None.
     """
     near, steps, stations = edge_pass.near_clamp, edge_pass.steps, edge_pass.stations_px
     profiles, offset, bright = edge_pass.profiles[near], steps.offset_px[near], steps.bright[near]
@@ -72,21 +69,21 @@ def _gamma(edge_pass: PassResult, inverted_from: float | None) -> float | None:
 
 
 def describe_turn_effects(twist_deg: float, even_turn_deg: float, width: float, depth: float) -> dict[str, str]:
-    """Return in words how much a turn of the beam about its axis changes the fitted modulus.
+    """Return in words how much a rotation of the beam about its axis changes the fitted modulus.
 
     Parameters
     ----------
     twist_deg : float
-        Angle by which the tip is turned relative to the clamp.
+        Rotation of the tip relative to the clamp.
     even_turn_deg : float
-        Angle by which the whole beam would have to be turned to explain its apparent width.
+        Rotation of the whole beam.
     width, depth : float
-        Width and depth of the specimen, in any one unit.
+        Width and depth of the specimen, in any unit.
 
     Returns
     -------
     dict of str to str
-        Texts that replace ``{even_turn}`` and ``{twist_effect}`` in the advice of the quality checks.
+        Texts for ``{even_turn}`` and ``{twist_effect}`` in messages.
     """
     even_turn = ""
     if 0.0 < even_turn_deg < _MOST_TURN_DEG:

@@ -1,4 +1,4 @@
-"""The rectangular region of the pictures in which the beam is searched; the calibration file gives this region."""
+"""The rectangular region of the pictures in which the beam is searched."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangular region of the pictures, in which the beam is searched.
+    """The rectangular region of the pictures in which the beam is searched.
 
     Attributes
     ----------
     left, top, width, height : int
-        Upper left corner and size of the rectangle, px of the whole picture.
+        Upper left corner and size, px.
     calibration : Calibration
-        The calibration for pixels that are counted from the upper left corner of the rectangle.
+        Calibration for pixels counted from this corner.
     digest : str
         Checksum of the calibration of the whole picture.
     """
@@ -35,11 +35,11 @@ class Region:
     digest: str
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the part of an image, grey or in colour, that lies inside the rectangle."""
+        """Return the part of an image that lies inside the region."""
         return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
     def in_picture(self, edges: EdgeSet) -> EdgeSet:
-        """Convert edges that were found in this region of the picture to the whole picture."""
+        """Convert edges from pixels of the region to pixels of the whole picture."""
         corners = edges.corners_px + np.array([self.left, self.top])
         return replace(edges, corners_px=corners, calibration_digest=self.digest)
 
@@ -52,7 +52,7 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     calibration : Calibration
         The calibration of the whole picture.
     shape : tuple of int
-        Shape of the pictures: height, width and, in colour, the number of colour channels.
+        Shape of the pictures: height, width and, in colour, number of channels.
 
     Returns
     -------
@@ -62,8 +62,7 @@ def region_of(calibration: Calibration, shape: tuple[int, ...]) -> Region | None
     Raises
     ------
     InputError
-        If the region is not entirely in the picture, or if the region does not contain the clamp and all points that a
-        person clicked on the beam.
+        If the region is not entirely in the picture, or does not contain the clamp and all clicked points.
     """
     if calibration.picture is None or calibration.picture.region_px is None:
         return None

@@ -1,8 +1,6 @@
-"""Estimate the gamma of the camera from the shape of the edges.
+"""Estimate the gamma of the camera from the shape of blurred edges.
 
-A lens images an edge as a symmetric blurred step of light. A camera with gamma stores light to the power 1/gamma. The
-stored step is distorted, more at its dark end than at its bright end. The middle of the stored step is therefore not
-the place of the edge.
+A camera with gamma stores light to the power 1/gamma. This displaces the middle of a blurred edge.
 """
 
 from __future__ import annotations
@@ -32,9 +30,9 @@ def estimate_gamma(
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        The m distances along lines across the edges at which the grey values were read.
+        Distances along lines across the edges.
     profiles : ndarray, shape (n, m)
-        Grey values on n lines; larger grey values mean more light.
+        Grey values on n lines; larger values mean more light.
     offset_px : ndarray, shape (n,)
         Distance at which each line crosses the edge.
     bright : ndarray, shape (n,)
@@ -75,7 +73,7 @@ def estimate_gamma(
 
 
 def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, blur: float) -> float:
-    """Estimate gamma from the mean grey values across an edge, by one linear least-squares step from gamma = 1."""
+    """Estimate gamma from mean grey values across an edge by one least-squares step from gamma = 1."""
     z = place / blur
     rise, bell = scipy.special.ndtr(z), np.exp(-0.5 * z**2)
     light = dark + (1.0 - dark) * rise

@@ -1,4 +1,4 @@
-"""Find the silhouette of the beam: the dark body, its outline and the corners of its tip, accurate to about a pixel."""
+"""Find the outline of the beam and the corners of its tip, accurate to about a pixel."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _PARENT = 3  # column of OpenCV's contour hierarchy that holds the index of the 
 
 @dataclass(frozen=True)
 class BackLight:
-    """The back-light around the beam.
+    """The brightness of the back-light around the beam.
 
     Attributes
     ----------
     surface : ndarray
-        The fitted back-light on a coarse grid over the image, grey levels.
+        Fitted grey values of the back-light on a coarse grid over the image.
     bright : float
-        Grey value of the fitted back-light at the beam's clamp.
+        Fitted grey value of the back-light at the clamp.
     dark : float
         Grey value of the beam at its clamp; at most `bright`.
     """
@@ -51,13 +51,13 @@ class Silhouette:
     Attributes
     ----------
     outline_px : ndarray, shape (n, 2)
-        The n points of the outline, about a pixel apart.
+        Points about a pixel apart.
     corners : tuple of int, optional
-        Indices of the tip's left and right corners in the outline; None if there is no pair of corners.
+        Indices of the tip's left and right corners in the outline; None without corners.
     turn_deg : float
-        Angle by which the outline turns at the less sharp of the two corners; 0 without corners.
+        Change of direction of the outline at the less sharp corner; 0 without corners.
     touches_frame : bool
-        Whether the body reaches the border of the image.
+        Whether the beam reaches the border of the image.
     other_bodies : int
         Number of other dark bodies within the reach of the beam.
     hole_share : float
@@ -77,17 +77,17 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam.
     frame : BeamFrame
-        The map between millimetres and pixels.
+        Map between millimetres and pixels.
     width_mm : float
         Width of the specimen.
 
     Returns
     -------
     BackLight
-        The fitted back-light, and the grey values of back-light and beam at the clamp.
+        Grey values of the back-light and of the beam.
     """
     height, width = image.shape
     small_size = (max(1, width // _SHRINK), max(1, height // _SHRINK))
@@ -114,12 +114,12 @@ def measure_back_light(image: NDArray[Any], frame: BeamFrame, width_mm: float) -
 
 
 def root_places(frame: BeamFrame, width_mm: float, aside: float = 0.0) -> Array:
-    """Return points that are spread over the beam near its clamp, px, at most a beam's width away from it.
+    """Return points (px) spread over the beam, at most one beam width from its clamp.
 
     Parameters
     ----------
     frame : BeamFrame
-        The map between millimetres and pixels.
+        Map between millimetres and pixels.
     width_mm : float
         Width of the specimen.
     aside : float
@@ -140,16 +140,16 @@ def find_silhouette(
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam.
     frame : BeamFrame
-        The map between millimetres and pixels.
+        Map between millimetres and pixels.
     clamp : ClampLine
-        The line at which the beam leaves its clamp.
+        Line at which the beam leaves its clamp.
     light : BackLight
-        The back-light, and the grey value of the beam at its clamp.
+        Grey values of the back-light and of the beam.
     shape : StatedShape
-        The length of the specimen, and its width at the clamp and at the tip.
+        Length and widths of the specimen.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def find_silhouette(
 
 
 def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> Array:
-    """Return the part of a closed contour of the beam that lies outside the clamp, from the left to the right edge."""
+    """Return the part of a closed contour outside the clamp, from the left to the right edge."""
     free = clamp.distance_px(contour) > 2.5
     if free.all() or not free.any():
         return contour[:0]
@@ -211,10 +211,9 @@ def _from_left_to_right(contour: Array, frame: BeamFrame, clamp: ClampLine) -> A
 
 
 def _tip_corners(outline_mm: Array, width_mm: float) -> tuple[tuple[int, int] | None, float]:
-    """Return the indices of the two corners of the tip in the outline, and how sharp they are, in degrees.
+    """Return the indices of the tip's two corners in the outline, and the angle (degrees) of the less sharp one.
 
-    The second result is the angle by which the outline turns at the less sharp corner. Without corners, the results are
-    None and 0.
+    Without corners, the results are None and 0.
     """
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline_mm, axis=0).T))])
     arm = _CORNER_ARM * width_mm

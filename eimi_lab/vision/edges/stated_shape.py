@@ -1,4 +1,4 @@
-"""Lengths and widths of the beam, from the specimen file, for the search of its edges."""
+"""Lengths and widths of the beam, from the specimen file."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _NEAR_STEP = 0.5  # of the smallest width
 
 @dataclass(frozen=True)
 class StatedShape:
-    """Lengths and widths of a specimen whose width may vary along its length, in mm.
+    """Lengths and widths (mm) of a specimen whose width may vary along its length.
 
     Parameters
     ----------
     specimen : Specimen
-        The specimen of the specimen file.
+        The specimen.
     """
 
     specimen: Specimen
@@ -72,21 +72,21 @@ class StatedShape:
         return 0.5 * sum(float(np.hypot(*np.diff(edge, axis=0).T).sum()) for edge in edges)
 
     def even_widths(self, edge: Array, widths: Array, clamp: Array) -> Array:
-        """Return the measured widths, scaled to a beam of constant width, without places near a step of the width.
+        """Return measured widths, scaled to a beam of constant width, without places near an abrupt change.
 
         Parameters
         ----------
         edge : ndarray, shape (n, 2)
-            Points of the left edge, ordered from the clamp, in the unit of the widths.
+            Points of the left edge, ordered from the clamp.
         widths : ndarray, shape (n,)
-            Distance of each point of the left edge from the right edge.
+            Width of the beam at each point.
         clamp : ndarray, shape (2, 2)
-            Points at which the left and the right edge leave the clamp, in the unit of the widths.
+            Points at which the left and the right edge leave the clamp.
 
         Returns
         -------
         ndarray, shape (k,)
-            Scaled widths of the k <= n points that are not near a step (an abrupt change of the width).
+            Scaled widths at the k remaining points.
         """
         if not self._varies:
             return widths
@@ -96,9 +96,10 @@ class StatedShape:
         return even[~self.near_step(edge, clamp, 0)]
 
     def near_step(self, edge: Array, clamp: Array, side: int) -> NDArray[np.bool_]:
-        """Return which points of an edge lie near a step (an abrupt change) of the specimen's width.
+        """Return which points of an edge lie near an abrupt change of the specimen's width.
 
-        `clamp` has the points at which the left and the right edge leave the clamp; `side` is 0 for the left edge.
+        `clamp`: points at which the left and the right edge leave the clamp. `side`: 0 for the left edge, 1 for the
+        right.
         """
         near = np.zeros(len(edge), bool)
         if not self._varies:
@@ -116,12 +117,12 @@ class StatedShape:
 
     @cached_property
     def _edge_mm(self) -> Array:
-        """Distances from the clamp, measured along the edge of the specimen, mm."""
+        """Distances from the clamp along the edge of the specimen, mm."""
         half = 0.5 * self._strip.width_mm(self._along_mm)
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self._along_mm), np.diff(half)))])
 
     def _along_edge(self, edge: Array, clamp: Array, side: int) -> Array:
-        """Return the distance of each point of an edge from the clamp, along the edge, mm."""
+        """Return the distance of each edge point from the clamp along the edge, mm."""
         path = np.vstack([clamp[side : side + 1], edge])
         scale = np.linalg.norm(clamp[1] - clamp[0]) / self.at_clamp_mm
         return np.asarray(np.cumsum(np.hypot(*np.diff(path, axis=0).T)) / scale)

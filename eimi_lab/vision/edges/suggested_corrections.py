@@ -1,4 +1,4 @@
-"""If no beam was found in an image, suggest which value of the calibration or of the specimen is wrong."""
+"""Suggest which value of the calibration or of the specimen is wrong if no beam was found."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class SuggestedCorrection:
     Attributes
     ----------
     words : str
-        The suggestion: the end of a sentence that begins with "no beam was found;".
+        The suggestion, as the end of the sentence "no beam was found; ...".
     edges_px : tuple of ndarray, shape (n, 2)
-        For each edge, the n points that were located with the suggested value, px; empty if no value is suggested.
+        Points of the edges that were located with the suggested value, px; empty without such a value.
     """
 
     words: str
@@ -52,25 +52,23 @@ class SuggestedCorrection:
 def suggest_correction(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> SuggestedCorrection:
-    """Suggest which value of the calibration or of the specimen is probably wrong if no beam was found in an image.
-
-    The suggestion may be wrong, and no file is changed.
+    """Suggest which value is probably wrong if no beam was found in an image.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        The image; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The image.
     calibration : Calibration
         The calibration with which no beam was found.
     specimen : SpecimenFile
         The specimen.
     projection : Projection, optional
-        Weighted sum by which the image's colours become grey values.
+        Weights that convert colours to grey values.
 
     Returns
     -------
     SuggestedCorrection
-        The suggestion. If no changed value leads to a beam, its words give another probable reason.
+        The suggestion, or another probable reason.
     """
     followed = follow_beam(image, calibration, specimen, projection=projection)
     if _is_probably_the_beam(followed):
@@ -106,7 +104,7 @@ def suggest_correction(
 
 
 def _is_probably_the_beam(followed: FollowedBeam) -> bool:
-    """Return whether a body that was followed from the clamp is probably the beam, despite unusable edges."""
+    """Return whether a body with unusable edges is probably the beam."""
     findings = followed.findings
     return (
         findings.get("followed_beyond", 0.0) >= _FULL_LENGTH
@@ -118,11 +116,7 @@ def _is_probably_the_beam(followed: FollowedBeam) -> bool:
 
 
 def _reason_of(followed: FollowedBeam) -> str:
-    """Return in words why the edges of a followed body are unusable: the first quality check that they fail.
-
-    The text is empty if there is no such check, or if the body was followed over less than a tenth of the beam's
-    length.
-    """
+    """Return in words why the edges of a followed body are unusable; empty if no reason is known."""
     share = followed.findings.get("followed_beyond", 0.0)
     grave = (flag for flag in judge(followed.findings, None, followed.words) if leaves_out([flag]))
     flag = next(grave, None)
@@ -161,7 +155,7 @@ def _shows_nothing(image: NDArray[Any]) -> str:
 
 
 def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile) -> str:
-    """Return advice on the clamp's position if an edge of the beam begins outside the picture, else an empty string."""
+    """Return advice on the clamp's position if the beam begins partly outside the picture, else an empty string."""
     half = 0.5 * specimen.specimen.width_mm
     begins = BeamFrame(calibration).to_px([[half, -half], [half, half]])
     if ((begins >= -0.5) & (begins <= np.array(image.shape[1::-1]) - 0.5)).all():
@@ -173,7 +167,7 @@ def _cut_by_border(image: NDArray[Any], calibration: Calibration, specimen: Spec
 
 
 def _corrections(calibration: Calibration, width_mm: float) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield changed values of calibration or width that may let the search find the beam, each with its advice."""
+    """Yield changed values of the calibration or the width that may help to find the beam, with advice."""
     picture = calibration.picture
     if picture is not None and picture.along_px is not None:
         yield (

@@ -1,4 +1,4 @@
-"""Estimate how the brightness of the back-light changes across an edge of the beam, from the light beside the beam."""
+"""Estimate how the back-light changes across an edge, from the light beside the beam."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def light_along(
 
     Parameters
     ----------
-    image : ndarray, shape (H, W)
-        Grey values with a dark beam; H rows, W columns.
+    image : ndarray, shape (rows, columns)
+        Grey values with a dark beam.
     points_px, normals : ndarray, shape (n, k, 2)
         Origins and unit directions of k parallel lines at each of n places.
     stations_px : ndarray, shape (m,)
         Distances along the lines.
     counts : sequence of int
-        Number of places on each edge. The places of one edge follow one another.
+        Number of places on each edge, in the order of the places.
 
     Returns
     -------

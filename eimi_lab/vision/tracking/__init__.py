@@ -1,7 +1,7 @@
-"""Follow the beam from frame to frame of a recording, fast enough to keep up with a fast camera.
+"""Follow the beam from frame to frame of a recording.
 
 beam_curve      the centre line of a beam of fixed length, as a curve with few parameters
 beam_tracker    find the beam in each frame near its place in the previous frames
-step_places     measure the positions of the edges on grey-value profiles, even if the motion blurs the edges
+step_places     measure the positions of edges that may be blurred by motion
 steady_view     remove the motion of the camera
 """

@@ -1,8 +1,4 @@
-"""The centre line of a beam of fixed length in the picture, described by its direction at each arc length.
-
-The direction is a polynomial in the arc length. The integral of the unit vector in this direction gives the points of
-the line. While the beam bends, the point at a fixed arc length is therefore always the same material point.
-"""
+"""The centre line of a beam of fixed length, whose direction is a polynomial in the arc length."""
 
 from __future__ import annotations
 
@@ -32,10 +28,9 @@ class BeamCurve:
     Parameters
     ----------
     root_px : ndarray, shape (2,)
-        First point of the line, at the clamp.
+        First point, at the clamp.
     coefficients : ndarray, shape (DEGREE + 1,)
-        Chebyshev coefficients of the direction (radians, clockwise from the picture's +x) as a function of the arc
-        length.
+        Chebyshev coefficients of the direction (radians, clockwise from +x) as a function of arc length.
     length_px : float
         Length of the line.
 
@@ -52,31 +47,25 @@ class BeamCurve:
     length_px: float
 
     def at(self, along_px: Array) -> tuple[Array, Array]:
-        """Return the points (px) and the unit normals of the line at p arc lengths, each of shape (p, 2).
-
-        along_px: the arc lengths from the clamp, px, shape (p,).
-        """
+        """Return the points (px) and unit normals of the line at given arc lengths (px)."""
         nodes, places = self._integrated
         direction = self._direction(along_px)
         x, y = (np.interp(along_px, nodes, places[:, axis]) for axis in range(2))
         return np.column_stack([x, y]), np.column_stack([-np.sin(direction), np.cos(direction)])
 
     def moved(self, along_px: Array, offset_px: Array, weight: Array, usual: BeamCurve | None = None) -> BeamCurve:
-        """Return the curve after one least-squares step toward p points beside the curve.
-
-        The points say little about the direction of the curve at its ends. Without `usual`, the ends keep their
-        direction. With `usual`, they are drawn toward this curve, so that errors do not grow from frame to frame.
+        """Return the curve after one least-squares step toward points beside the curve.
 
         Parameters
         ----------
         along_px : ndarray, shape (p,)
             Arc length of each point.
         offset_px : ndarray, shape (p,)
-            Distance of each point from the curve, along the normal of the curve.
+            Distance of each point from the curve, along its normal.
         weight : ndarray, shape (p,)
-            Weight of each point; 0 for a point that is not used.
+            Weight of each point.
         usual : BeamCurve, optional
-            A curve near which the beam is expected, for example the centre line in the first frame.
+            Curve toward which the ends are drawn; by default the ends keep their direction.
         """
         nodes, _ = self._integrated
         direction = _OF_NODES @ self.coefficients
@@ -103,10 +92,7 @@ class BeamCurve:
         return BeamCurve(self.root_px + change_of[0] * across, self.coefficients + change_of[1:], self.length_px)
 
     def extrapolated(self, before: BeamCurve, share: float) -> BeamCurve:
-        """Return the centre line that continues the motion from the curve `before` to this curve.
-
-        The change from `before` to this curve, times `share`, is added to this curve.
-        """
+        """Return this curve plus `share` times its change since the curve `before`."""
         return BeamCurve(
             self.root_px, self.coefficients + share * (self.coefficients - before.coefficients), self.length_px
         )
@@ -128,9 +114,9 @@ def curve_through(points_px: Array, length_px: float) -> BeamCurve:
     Parameters
     ----------
     points_px : ndarray, shape (n, 2)
-        The n points of the centre line, ordered from the clamp. The first point is at the clamp.
+        Points from the clamp outward; the first one is at the clamp.
     length_px : float
-        Length of the beam. Beyond the last point the line continues straight.
+        Length of the beam; beyond the last point the line continues straight.
     """
     steps = np.diff(points_px, axis=0)
     lengths = np.hypot(*steps.T)

@@ -1,10 +1,4 @@
-"""Find the beam in each frame of a recording, near its place in the previous frames.
-
-The beam is described by a curve of fixed length (`beam_curve`). In each frame, the curve is found in three steps.
-First, the motion in the previous frames is continued. Second, the curve is moved to the band (a strip as wide as the
-beam) that contrasts most with its surroundings. Third, the curve is moved to the middle between the two edges. Only
-pixels near the beam are read.
-"""
+"""Find the beam in each frame of a recording, near its place in the previous frames."""
 
 from __future__ import annotations
 
@@ -39,12 +33,12 @@ _OFF_CURVE_PX = 3.0  # an edge point farther from the smooth curve is dirt or a 
 
 @dataclass(frozen=True)
 class SeenBeam:
-    """The beam in one frame of a recording, at p fixed arc lengths.
+    """The beam in one frame of a recording, at p arc lengths.
 
     Parameters
     ----------
     middle_px, left_px, right_px : ndarray, shape (p, 2)
-        Points of the centre line and of both edges; NaN where an edge was not detected.
+        Points of the centre line and of both edges; NaN where no edge was detected.
     """
 
     middle_px: Array
@@ -53,35 +47,35 @@ class SeenBeam:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the beam was detected at half or more of its arc lengths, so that the next frame can be searched."""
+        """Whether the beam was detected at half or more of its arc lengths."""
         return float(np.isfinite(self.middle_px[:, 0]).mean()) >= _FEWEST
 
 
 class BeamTracker:
-    """The search for a beam in the successive frames of a recording.
+    """The search for a beam in successive frames of a recording.
 
     Parameters
     ----------
-    image : ndarray, shape (H, W) or (H, W, 3)
-        A frame of the recording, in which the search begins; H rows, W columns.
+    image : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The first frame of the search.
     edges : EdgeSet
-        The edges of the beam in this frame.
+        Edges of the beam in this frame.
     frame : BeamFrame
-        The map between pixels and mm in the beam frame (x along the undeformed beam from the clamp, y across).
+        Map between pixels and millimetres.
     length_mm : float
         Length of the beam.
     projection : Projection, optional
-        Weighted sum by which the colours of all frames become grey values.
+        Weights that convert colours to grey values.
 
     Attributes
     ----------
     along_mm : ndarray, shape (p,)
-        The p arc lengths at which the beam is followed.
+        Arc lengths at which the beam is followed.
 
     Raises
     ------
     ValueError
-        If the edges are empty, or if the beam does not contrast with its surroundings at the edges.
+        If the edges are empty, or if the beam does not contrast with its surroundings.
     """
 
     def __init__(
@@ -125,10 +119,7 @@ class BeamTracker:
 
     @property
     def outline_px(self) -> Array:
-        """The n corners of a polygon around the beam in the first frame, px, shape (n, 2).
-
-        The polygon leaves a margin of about one width of the beam beside both edges, and of 1.5 widths beyond the tip.
-        """
+        """Corners of a polygon with a margin around the beam in the first frame, px, shape (n, 2)."""
         places, normals = self._first.at(np.linspace(0.0, self._first.length_px, 2 * STATIONS))
         aside = 3.0 * float(self._half_px.max()) * normals
         ahead = 3.0 * float(self._half_px.max()) * np.array([normals[-1, 1], -normals[-1, 0]])
@@ -136,7 +127,7 @@ class BeamTracker:
                           (places + aside)[::-1]])  # fmt: skip
 
     def follow(self, image: NDArray[Any]) -> SeenBeam:
-        """Return the edges and the centre line of the beam in the next frame; mostly NaN points if no beam is found."""
+        """Return edges and centre line of the beam in the next frame; mostly NaN if no beam is found."""
         grey = self._grey(image, _SEARCH)
         predicted = self._curve if self._before is None else self._curve.extrapolated(self._before, 1.0)
         band = None
@@ -155,6 +146,7 @@ class BeamTracker:
             self._before = None
             missing = np.full((STATIONS, 2), np.nan)
             return SeenBeam(missing, missing, missing)
+        # `band` is where a strip as wide as the beam contrasts most; now it is moved to the middle between the edges.
         beam, curve = self._on_edges(grey, band, self._smear_px(band), self._first)
         if beam.is_seen:
             self._before, self._curve = self._curve, curve
@@ -163,11 +155,7 @@ class BeamTracker:
         return beam
 
     def _grey(self, image: NDArray[Any], widths: float) -> NDArray[Any]:
-        """Return the grey values of a frame of H by W pixels, shape (H, W).
-
-        Of an 8-bit colour frame, only the part near the beam is converted. `widths` is the distance from the beam up to
-        which the frame is searched, in beam widths.
-        """
+        """Return the grey values of a frame, at least up to a distance of `widths` beam widths from the beam."""
         if image.ndim == 2:
             return image
         if image.dtype != np.uint8:  # the full scale of other pictures depends on all pixels
@@ -191,12 +179,7 @@ class BeamTracker:
         return self._projection.apply(image)
 
     def _near(self, grey: NDArray[Any], curve: BeamCurve, reach: float) -> BeamCurve | None:
-        """Search for the beam near a curve, and return the centre line of the beam; None if too few points are found.
-
-        At each point of the curve, a strip as wide as the beam is shifted across the curve, by at most `reach` beam
-        widths. It is placed where its grey level differs most from the grey levels on both of its sides. The centre
-        line is fitted to the middles of the strips.
-        """
+        """Return the beam's centre line, searched up to `reach` beam widths from a curve; None if no beam is found."""
         for again in range(2):
             shift, contrast = self._bands(grey, curve, reach, self._polarity)
             weight = (contrast > _FAINT * self._contrast).astype(float)
@@ -224,20 +207,16 @@ class BeamTracker:
         return band_shifts(profiles, across, self._half_px, reach_px, polarity)
 
     def _smear_px(self, curve: BeamCurve) -> float:
-        """Return the largest motion (px) of a point of the beam from the last frame to `curve`.
-
-        The motion during an exposure, which blurs the edges, is at most as large.
-        """
+        """Return the largest motion (px) of a point of the beam from the last frame to `curve`."""
         places, normals = self._curve.at(self._along_px)
         return float(np.abs(_across(curve.at(self._along_px)[0], places, normals)).max())
 
     def _on_edges(
         self, grey: NDArray[Any], curve: BeamCurve, smear_px: float, usual: BeamCurve | None
     ) -> tuple[SeenBeam, BeamCurve]:
-        """Return the edges of the beam near an estimated centre line, and the line through the middle of the edges.
+        """Return the edges of the beam near an approximate centre line, and a corrected centre line.
 
-        curve: the estimated centre line. smear_px: the motion of the beam since the last frame, px. usual: a curve near
-        which the beam is expected, or None.
+        `smear_px`: motion of the beam since the last frame. `usual`: curve toward which the ends of the line are drawn.
         """
 
         def through(curve: BeamCurve, offset: Array, is_usable: NDArray[np.bool_]) -> BeamCurve:
@@ -264,11 +243,10 @@ class BeamTracker:
         return SeenBeam(middle, *sides), curve
 
     def _edge(self, grey: NDArray[Any], places: Array, normals: Array, side: float, reach: float) -> Array:
-        """Return p points of one edge of the beam, px, shape (p, 2).
+        """Return points of one edge (px), searched up to `reach` px from its expected place; NaN where none is found.
 
-        A point is NaN where the grey values show no step of the right sign and height. `places` and `normals`, both of
-        shape (p, 2), are points of the centre line and its unit normals. `side` is +1 for the edge on the side of the
-        normals, else -1. The edge is searched up to `reach` px from its expected place, half a width from the line.
+        `places`, `normals`: points and unit normals of the centre line. `side`: +1 for the edge on the side of the
+        normals, else -1.
         """
         inner = float(min(reach, 2.0 * _WIDEST * self._half_px.min()))
         across = stations(inner, max(inner, min(reach, 2.0 * self._half_px.max())))
@@ -289,8 +267,5 @@ def _across(points: Array, places: Array, normals: Array) -> Array:
 
 
 def _nearest(line: Array, places: Array) -> Array:
-    """Return, for each of n points, the nearest point of a line, shape (n, 2).
-
-    line: the m points of the line, shape (m, 2). places: the n points, shape (n, 2).
-    """
+    """Return, for each point of `places`, the nearest point of a line."""
     return np.asarray(line[((places[:, None] - line) ** 2).sum(axis=2).argmin(axis=1)])

@@ -1,9 +1,7 @@
-"""Remove the motion of the camera from a recording, so that fixed objects stay at the same place in each frame.
+"""Remove the motion of the camera from a recording.
 
-Corners (textured points that can be located in both directions) around the beam are followed from a reference frame
-into each frame by the method of Lucas and Kanade with pyramids (Bouguet 2000, as in OpenCV). A shift, a rotation and a
-scale are fitted to the corners. Corners that move in another way, for example corners of a hand or of a shadow, are
-left out (RANSAC, Fischler and Bolles 1981).
+Textured points are followed by the method of Lucas and Kanade (Bouguet 2000, as in OpenCV). A shift, a rotation and a
+scale are fitted by RANSAC (Fischler and Bolles 1981).
 """
 
 from __future__ import annotations
@@ -29,20 +27,19 @@ _WIDEST_PX = 1400  # a wider picture is halved before its corners are followed
 
 
 class SteadyView:
-    """The view of a reference frame, to which the other frames of a recording are transformed.
+    """A reference frame, to which the other frames of a recording are aligned.
 
     Parameters
     ----------
-    reference : ndarray, shape (H, W) or (H, W, 3)
-        The reference frame; H rows, W columns.
+    reference : ndarray, shape (rows, columns) or (rows, columns, 3)
+        The reference frame.
     outline_px : ndarray, shape (n, 2)
-        The n corners of a polygon around the moving part of the reference frame, px. Textured points (which are
-        followed from frame to frame) inside the polygon are not used.
+        Corners of a polygon around the moving part of the frame.
 
     Attributes
     ----------
     moved_px : float
-        Largest motion of the picture relative to the reference frame so far.
+        Largest motion of the picture so far.
     """
 
     def __init__(self, reference: NDArray[Any], outline_px: Array) -> None:
@@ -58,14 +55,11 @@ class SteadyView:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the reference frame has enough corners (textured points) to measure the motion of the camera."""
+        """Whether the reference frame has enough textured points to measure the motion of the camera."""
         return len(self._corners) >= _FEWEST
 
     def steadied(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Return a frame, transformed so that fixed objects are at the same pixels as in the reference frame.
-
-        The frame is returned unchanged as long as the camera has not moved, or if `is_possible` is false.
-        """
+        """Return a frame, moved so that fixed objects are at the same pixels as in the reference frame."""
         if not self.is_possible:
             return image
         measured = self._follow(self._small(image))
@@ -91,7 +85,7 @@ class SteadyView:
         return 2.0 if self._halved else 1.0
 
     def _small(self, image: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return a frame as 8-bit grey values; a wide frame is reduced to half of its size."""
+        """Return a frame as 8-bit grey values; a wide frame at half of its size."""
         grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         grey = grey if grey.dtype == np.uint8 else eight_bit(grey)
         if self._halved:
@@ -99,10 +93,7 @@ class SteadyView:
         return np.asarray(grey, np.uint8)
 
     def _follow(self, grey: NDArray[np.uint8]) -> Array | None:
-        """Return the affine map from points of the reference frame to points of a frame, shape (2, 3).
-
-        Return None if too few corners (textured points) of the reference frame are found in the frame.
-        """
+        """Return the affine map (2 x 3) from the reference frame to a frame; None with too few textured points."""
         guess = (self._corners @ self._to_frame[:, :2].T + self._to_frame[:, 2]).astype(np.float32)
         places, followed, _ = cv2.calcOpticalFlowPyrLK(
             self._reference, grey, self._corners, guess.copy(), winSize=_WINDOW, maxLevel=_LEVELS,

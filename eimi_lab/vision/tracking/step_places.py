@@ -1,8 +1,6 @@
-"""Measure the positions of edges from the area under profiles of grey values, independently of the blur.
+"""Measure the positions of blurred edges from the area under grey values across the edges.
 
-A frame of a moving beam is blurred by the lens and by the motion during the exposure. For any blur, the area under a
-blurred step from 0 to 1 is the distance from the mean position of the step to the end of the profile. If the speed is
-constant during the exposure, the mean position is the position at the middle of the exposure.
+For a blurred step from 0 to 1, this area is the distance from the step's mean position to the end of the line.
 """
 
 from __future__ import annotations
@@ -18,14 +16,14 @@ _END_SHARE = 6  # the plateaus are means over this part of a profile, at each en
 
 
 class StepPlaces(NamedTuple):
-    """The steps of the grey value, one on each of n profiles across an edge.
+    """Positions and heights of edges on n lines across them.
 
     Attributes
     ----------
     offset_px : ndarray, shape (n,)
-        Position of each step, in the coordinate along the profile.
+        Position of the edge along each line.
     height : ndarray, shape (n,)
-        Grey value at the outer end minus grey value at the inner end of each profile.
+        Grey value at the outer end minus grey value at the inner end.
     """
 
     offset_px: Array
@@ -33,19 +31,19 @@ class StepPlaces(NamedTuple):
 
 
 def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
-    """Return the position and the height of one step on each of n profiles of grey values.
+    """Return the position and the height of one step of grey value on each of n lines.
 
     Parameters
     ----------
     stations_px : ndarray, shape (m,)
-        The m evenly spaced coordinates along the profiles, increasing outward.
+        Evenly spaced coordinates along the lines, increasing outward.
     profiles : ndarray, shape (n, m)
-        Grey values of the n profiles.
+        Grey values along the lines.
 
     Returns
     -------
     StepPlaces
-        The position and the height of each step.
+        Positions and heights.
 
     Examples
     --------
@@ -65,31 +63,27 @@ def step_places(stations_px: Array, profiles: Array) -> StepPlaces:
 def band_shifts(
     profiles: Array, stations_px: Array, half_px: Array, reach_px: Array, polarity: float
 ) -> tuple[Array, Array]:
-    """Find the beam on each of n profiles: where a band as wide as the beam differs most from its surroundings.
-
-    A profile contains the grey values along a line across the beam. The band is an interval of the profile that is as
-    wide as the beam. It is shifted along the profile to the place where its mean grey value differs most from the mean
-    grey values beside it.
+    """Find the beam on n lines across it, where an interval as wide as the beam differs most from both sides.
 
     Parameters
     ----------
     profiles : ndarray, shape (n, m)
-        Grey values at m pixels across the beam, for n profiles.
+        Grey values at m pixels along each line.
     stations_px : ndarray, shape (m,)
-        Coordinates along the profiles, one pixel apart.
+        Coordinates along the lines, one pixel apart.
     half_px : ndarray, shape (n,)
-        Half of the width of the band on each profile.
+        Half of the beam's width.
     reach_px : ndarray, shape (n,)
-        Largest permitted shift on each profile.
+        Largest permitted shift of the interval from coordinate 0.
     polarity : float
-        +1 for a dark band, -1 for a bright band.
+        +1 for a dark beam, -1 for a bright beam.
 
     Returns
     -------
     shift_px : ndarray, shape (n,)
-        Shift of the middle of the band from the coordinate 0.
+        Shift of the middle of the interval from coordinate 0.
     contrast : ndarray, shape (n,)
-        The smaller of the two differences in mean grey value between the band and the regions on its two sides.
+        Difference in mean grey value between interval and surroundings, on the side where it is smaller.
     """
     total = np.concatenate([np.zeros((len(profiles), 1)), np.cumsum(polarity * profiles, axis=1)], axis=1)
     first = stations_px[0] - 0.5
