@@ -47,7 +47,9 @@ def _channels(image: ArrayLike) -> NDArray[Any]:
     if pixels.ndim == 3 and pixels.size:
         pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
     elif pixels.ndim != 2:
-        raise ValueError(f"an image should have the shape (rows, columns) or (rows, columns, channels), not {pixels.shape}")
+        raise ValueError(
+            f"an image should have the shape (rows, columns) or (rows, columns, channels), not {pixels.shape}"
+        )
     if pixels.dtype == np.uint8:
         return np.ascontiguousarray(pixels)
     if pixels.dtype.kind == "f":

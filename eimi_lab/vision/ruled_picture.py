@@ -66,7 +66,6 @@ def _round_step(least: float) -> int:
 
 
 def _rule(sheet: NDArray[Any], begin: tuple[int, int], end: tuple[int, int]) -> None:
-    """Draw a translucent line."""
     part = sheet[begin[1] : end[1] + 1, begin[0] : end[0] + 1]
     part[:] = (0.6 * part + 0.4 * np.array(_RULE)).astype(np.uint8)
 

@@ -387,5 +387,4 @@ def _scale_quality(calibration: Calibration, source: str) -> str:
 
 
 def _day_of(images: Sequence[Path]) -> date:
-    """Return the day (UTC) on which the newest image file was written."""
     return datetime.fromtimestamp(max(path.stat().st_mtime for path in images), UTC).date()

@@ -163,7 +163,6 @@ def _check_inside(clicked: ClickedBench, size: tuple[int, int]) -> None:
 
 
 def _middle(clicked: ClickedBench) -> tuple[float, float]:
-    """Return the middle of the line at which the beam leaves its clamp, px."""
     (x, y), (other_x, other_y) = clicked.clamp_px[0], clicked.clamp_px[-1]
     return 0.5 * (x + other_x), 0.5 * (y + other_y)
 

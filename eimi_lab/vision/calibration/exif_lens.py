@@ -71,7 +71,6 @@ def focal_length(path: Path, size: tuple[int, int]) -> FocalLength | None:
 
 
 def _number(value: object) -> float:
-    """Return a number of the Exif data; 0 if it is absent or not positive."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

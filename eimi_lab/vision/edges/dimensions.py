@@ -118,7 +118,6 @@ def even_turn_deg(widths: Array, width: float, depth: float) -> float:
 
 
 def _turn_deg(apparent: float, width: float, depth: float) -> float:
-    """Return the rotation of a box about its axis (degrees) that explains its apparent width."""
     # w cos(phi) + d sin(phi) = R sin(phi + beta), tan(beta) = w / d
     beta, radius = math.atan2(width, depth), math.hypot(width, depth)
     return math.degrees(math.asin(min(1.0, apparent / radius)) - beta)

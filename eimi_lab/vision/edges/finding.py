@@ -206,7 +206,6 @@ def _passes_beside(edges: _Edges, frame: BeamFrame, clicks: Array) -> bool:
 
 
 def _is_in_doubt(image: ArrayLike, search: BackLitSearch, lit_beam: bool) -> bool:
-    """Return whether the edges from the outline are doubtful."""
     doubts = {name: value for name, value in search.findings.items() if name in _OF_THE_OUTLINE}
     if np.ndim(image) == 2 and lit_beam:
         return leaves_out(judge(doubts, search.limits, search.words()))

@@ -115,7 +115,7 @@ class PassResult:
 
     @property
     def near_clamp(self) -> NDArray[np.bool_]:
-        """Whether each line across an edge has an edge point and lies in the half near the clamp."""
+        """Whether each line across an edge lies in the half of the beam near the clamp and has an edge point."""
         half = [np.arange(len(side.sound)) < len(side.sound) // 2 for side in self.sides]
         return np.concatenate(half) & self.sound
 
@@ -270,8 +270,8 @@ def _locate(
 ) -> PassResult | None:
     """Locate edge points on lines across each curve; return None if a curve has fewer points than `fewest`.
 
-    `arc_lengths`: for each curve, places of the lines, and s (every s-th point is stored). `outward`: +1 if the bright
-    side is clockwise of the tangent, else -1.
+    `arc_lengths`: places of the lines, and s (only every s-th point is stored). `outward`: +1 if the bright side is
+    clockwise of the curve's direction, else -1.
     """
     points, normals = [], []
     for curve, (place, _), sign in zip(curves, arc_lengths, outward, strict=True):

@@ -267,8 +267,8 @@ class _SharedUnknowns:
     def step(self, reduced: Array, residuals: Array) -> Array:
         """Improve the unknowns by one Gauss-Newton step, and return their changes, px.
 
-        `reduced`: derivatives of m grey values on n lines by the u unknowns, shape (n, m, u), without the part that
-        each line's own unknowns can fit.
+        `reduced`: derivatives of m grey values on n lines by the u unknowns, shape (n, m, u). `residuals`: shape (n,
+        m).
         """
         self._noise = float((residuals**2).mean()) if len(residuals) else 0.0
         jacobian = reduced.reshape(-1, len(self.values))
@@ -288,9 +288,9 @@ class _SharedUnknowns:
 def _derivatives(
     u: Array, dark: Array, bright: Array, offset: Array, shared: Array, cover: Cover, covered: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Return derivatives of the fitted grey values at m distances on n lines.
+    """Return derivatives of the grey values at m distances on n lines, by all unknowns of the fit.
 
-    They are taken by dark value, bright value and offset of each line, shape (n, m, 3), and by blur and k silicone
+    First result: by dark value, bright value and offset of a line, shape (n, m, 3). Second: by blur and k silicone
     widths, shape (n, m, 1 + k).
     """
     blur = float(shared[0])
@@ -314,7 +314,7 @@ def _derivatives(
 
 
 def _blurred_step(distances: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Return values and slopes of a blurred unit step, and the distances divided by the blur."""
+    """Return the values and slopes of a blurred unit step at given distances, and the distances divided by the blur."""
     z = distances / blur
     return 0.5 * (1.0 + scipy.special.erf(z / np.sqrt(2.0))), np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * blur), z
 

@@ -82,6 +82,5 @@ def _gamma_in_one_step(place: Array, mean: Array, weight: Array, dark: float, bl
 
 
 def _step(place: Array, scale: float, dark: float, offset: float, blur: float, gamma: float) -> Array:
-    """Return the grey values that a camera with the given gamma stores at a blurred edge."""
     light = dark + (1.0 - dark) * scipy.special.ndtr((place - offset) / blur)
     return np.asarray(scale * np.maximum(light, 1e-9) ** (1.0 / gamma))
