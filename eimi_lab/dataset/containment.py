@@ -1,8 +1,4 @@
-"""Check that a dataset file does not refer to other files, and that each array would fit into memory.
-
-A file may come from an unknown source. An HDF5 file can refer to other files, and a few damaged bytes can declare an
-array of any size. A file with such references or sizes is refused before its data are read.
-"""
+"""Check that a dataset does not refer to other files, and that each of its arrays would fit into memory."""
 
 from __future__ import annotations
 
@@ -44,10 +40,7 @@ READ = (
 def refuse_links_and_absurd_sizes(path: Path, file: h5py.File) -> None:
     """Raise InputError if a dataset refers to data outside the file, or declares an array that is too large.
 
-    The largest permitted size is a fixed number of bytes, and at most a quarter of the free memory. It applies to a
-    table as a whole. In an array of frames it applies to one frame, because frames are read one after another. Only the
-    groups and arrays that the program reads are checked, because a user may have added other data to the file. ``path``
-    is the path of the file, for the message.
+    Only the groups and arrays that the program reads are checked. ``path`` is the path of the file, for the message.
     """
     for place in READ:
         _refuse_members(path, file, place)
@@ -75,7 +68,7 @@ def _refuse_members(path: Path, file: h5py.File, place: str) -> None:
 
 
 def _member(path: Path, parent: h5py.Group, name: str) -> Any:
-    """Return the group or array `name` in an HDF5 group. Raises InputError if the name is a soft or external link."""
+    """Return a member of an HDF5 group. Raises InputError if its name is a soft or external link."""
     if not isinstance(parent.get(name, getlink=True), h5py.HardLink):
         place = f"{parent.name}/{name}".lstrip("/")
         raise InputError(

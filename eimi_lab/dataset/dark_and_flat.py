@@ -1,7 +1,4 @@
-"""The dark frame and the flat field of a dataset, with which the frames are corrected before edges are searched.
-
-A dark frame is taken without light. A flat field shows the back-light without the beam.
-"""
+"""The dark frame (taken without light) and the flat field (back-light without the beam) of a dataset."""
 
 from __future__ import annotations
 
@@ -30,11 +27,10 @@ The shape of an image is (H, W), or (H, W, 3) for an image with colours.
 
 
 def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, NDArray[Any]]:
-    """Read a dark frame and a flat field from image files, and return a dictionary of the images.
+    """Read a dark frame (taken without light) and a flat field (back-light without the beam) from image files.
 
-    A dark frame is taken without light. A flat field shows the back-light without the beam. The keys are "dark" and
-    "flat"; the key of a file that is None is absent. Raises InputError if a file cannot be read, or if the images are
-    unsuitable for a correction of frames.
+    The result has the keys "dark" and "flat"; the key of a file that is None is absent. Raises InputError for an
+    unreadable or unsuitable image.
     """
     from eimi_lab.vision.image_files import (
         read_image,
@@ -51,18 +47,15 @@ def read_correction_images(dark: Path | None, flat: Path | None) -> dict[str, ND
 def correction_by(images: Images) -> FieldCorrection | None:
     """Return the correction of frames by a dark frame and a flat field; None if both images are absent.
 
-    A dark frame is taken without light. A flat field shows the back-light without the beam. Raises ValueError if the
-    images are unsuitable for a correction, for example because their sizes differ.
+    A dark frame is taken without light, a flat field without the beam. Raises ValueError for unsuitable images.
     """
     return FieldCorrection(images.get("dark"), images.get("flat")) if images else None
 
 
 def check_like(images: Images, frame: NDArray[Any]) -> None:
-    """Raise InputError if a dark frame or a flat field cannot belong to the frames of a dataset.
+    """Raise InputError if a dark frame or a flat field does not suit a frame of the dataset.
 
-    A dark frame is taken without light. A flat field shows the back-light without the beam. An image must have the size
-    and the bit depth of the frame. The median of a dark frame must be at most half of the 99th percentile of the frame,
-    which is the brightness of the back-light.
+    A dark frame is taken without light, a flat field without the beam. Size and bit depth must be those of ``frame``.
     """
     from eimi_lab.vision.image_files import describe_image  # imports OpenCV, which loads slowly
 
@@ -82,10 +75,7 @@ def check_like(images: Images, frame: NDArray[Any]) -> None:
 
 
 def store_correction(path: str | Path, images: Images) -> None:
-    """Store a dark frame (taken without light) and a flat field (the back-light without the beam) in a dataset.
-
-    A dark frame replaces the stored dark frame, and a flat field the stored flat field. Stored edges are removed,
-    because they were found without these images.
+    """Store a dark frame (taken without light) and a flat field (back-light without the beam), and remove the edges.
 
     Raises
     ------
@@ -112,17 +102,13 @@ def store_correction(path: str | Path, images: Images) -> None:
 
 
 def forget_correction(path: str | Path) -> None:
-    """Remove the images for the correction of frames (dark frame and flat field) and the edges from a dataset."""
+    """Remove the dark frame, the flat field and the edges of the beam from a dataset."""
     with rewritten(Path(path)) as entry:
         _remove(entry)
 
 
 def stored_correction(entry: h5py.Group) -> dict[str, NDArray[Any]]:
-    """Return the dark frame (key "dark") and the flat field (key "flat") that a dataset contains.
-
-    A dark frame is taken without light. A flat field shows the back-light without the beam. The key of an image that
-    the dataset does not contain is absent.
-    """
+    """Return the dark frame (key "dark") and the flat field (key "flat") in a dataset; an absent image has no key."""
     return {name: to_stored(image[()]) for name, image in entry[GROUP].items()} if GROUP in entry else {}
 
 

@@ -1,8 +1,6 @@
 """The plots that a viewer of NeXus files shows for a dataset: tip deflection against field, and the edges.
 
-The attribute `default` tells a viewer which plot to show first (https://manual.nexusformat.org/datarules.html, "Find
-the plottable data"). Each plot is an NXdata (a NeXus group for a plot) with the values of a curve and the coordinates
-at which these values are drawn.
+The attribute `default` names the first plot (https://manual.nexusformat.org/datarules.html, "Find the plottable data").
 """
 
 from __future__ import annotations
@@ -20,18 +18,16 @@ from eimi_lab.vision.edges.edge_set import EdgeSet
 
 
 def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
-    """Add two plots for viewers to a dataset: the deflection of the tip (`tip`) and the edges (`outline`).
-
-    A viewer shows the plot `tip` first.
+    """Add two plots for viewers to a dataset: the deflection of the tip (shown first), and the edges.
 
     Parameters
     ----------
     entry
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     process
-        The HDF5 group that contains the edges, to which the plots are added.
+        The HDF5 group that contains the edges and gets the plots.
     edge_sets
-        The edges of each state (load step).
+        The edges of each load step.
     """
     _write_tip(process, entry["states/field"][()], edge_sets)
     if "calibration" in entry:
@@ -41,10 +37,7 @@ def write_plots(entry: h5py.Group, process: h5py.Group, edge_sets: Sequence[Edge
 
 
 def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the plot of the tip deflection (mm) against the field (mT); NaN for a state (load step) without edges.
-
-    The tip is the last point of the middle line between the edges.
-    """
+    """Write the plot of the tip deflection (mm) against the field (mT); NaN for a load step without edges."""
     middles = [edges.middle_mm for edges in edge_sets]
     across = np.array([middle[-1, 1] if len(middle) else np.nan for middle in middles])
     order = np.argsort(field_mT[: len(across)], kind="stable")
@@ -56,11 +49,7 @@ def _write_tip(process: h5py.Group, field_mT: np.ndarray, edge_sets: Sequence[Ed
 
 
 def _write_outline(process: h5py.Group, calibration: Calibration, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write a plot of the edges of the beam in all states (load steps), as one curve in mm.
-
-    The axes point to the right and up in the camera's picture. The curve has a gap (a NaN) between two edges, so that a
-    viewer does not connect them.
-    """
+    """Write a plot of the edges of the beam in all load steps: one curve in mm, with NaN between two edges."""
     gap = np.full((1, 2), np.nan)
     parts = [
         part

@@ -26,18 +26,16 @@ from eimi_lab.dataset.steps import make_steps
 
 
 def empty_file(header: Header, image: NDArray[Any]) -> bytes:
-    """Return the bytes of a dataset file that contains the description of a run but no frames yet.
-
-    The file is made in memory, because HDF5 can crash when it writes to a full disk.
+    """Return the bytes of a dataset file that contains the description of a run, and no frames yet.
 
     Parameters
     ----------
     header
         Description of the run.
     image
-        An example frame. All frames of the dataset will have its shape and its data type. The shape is (H, W) for H
-        rows and W columns of pixels, or (H, W, 3) with colours.
+        An example frame, shape (H, W) or (H, W, 3). All frames will have its shape and type.
     """
+    # HDF5 can crash when it writes to a full disk, so the file is made in memory
     memory = io.BytesIO()
     with h5py.File(memory, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)

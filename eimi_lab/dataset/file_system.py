@@ -23,21 +23,14 @@ MOUNTS = Path("/proc/self/mounts")
 
 
 def network_file_system(folder: Path, mounts: Path = MOUNTS) -> str | None:
-    r"""Return the type of the network file system on which a folder is stored; None for a local file system.
+    """Return the type of the network file system of a folder, such as "nfs"; None for a local file system.
 
     Parameters
     ----------
     folder
         The folder.
     mounts
-        Linux's table of mounts (manual page proc(5)), with device, mount point and type in each line. A space in a
-        mount point is written as ``\040``.
-
-    Returns
-    -------
-    str or None
-        The type of the file system, such as "nfs"; "network drive" on Windows, which does not report the type. None for
-        a local file system, or if the operating system has no table of mounts.
+        Linux's table of mounts (manual page proc(5)). Other systems do not need it.
     """
     if sys.platform == "win32":
         share = followed(folder).anchor  # a drive, or a share of a server

@@ -1,8 +1,4 @@
-"""A frame as one chunk of HDF5, compressed with ISA-L (Intel's igzip) instead of HDF5's own filters.
-
-The chunk has the format of HDF5's filters gzip and fletcher32, so every HDF5 program can read the frame. ISA-L needs
-about a quarter of the time that HDF5's gzip filter needs.
-"""
+"""Compress frames with ISA-L (Intel's igzip) in the format of HDF5's filters gzip and fletcher32."""
 
 from __future__ import annotations
 
@@ -20,29 +16,24 @@ _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32)
 
 
 def compressed(image: NDArray[Any]) -> bytes:
-    """Return an image as an HDF5 chunk: the compressed bytes, followed by the Fletcher-32 checksum of these bytes.
+    """Return an image as an HDF5 chunk: the compressed bytes, then their Fletcher-32 checksum.
 
-    The image of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours red, green, blue.
+    The image has the shape (H, W), or (H, W, 3) with the colours red, green, blue.
     """
     data = isal_zlib.compress(np.ascontiguousarray(image), level=_LEVEL)
     return bytes(data) + fletcher32(data).to_bytes(4, "little")
 
 
 def write_chunk(stack: h5py.Dataset, row: int, chunk: bytes) -> None:
-    """Write a compressed image as one frame of a stack, which is an HDF5 array of frames.
+    """Write a compressed image as frame number ``row`` of an HDF5 array of frames.
 
-    ``chunk`` is the result of `compressed`, and ``row`` is the index of the frame. The stack must have been created by
-    `layout.frame_stack`, and must already have more than ``row`` rows.
+    ``chunk`` comes from `compressed`. The array comes from `layout.frame_stack` and has more than ``row`` rows.
     """
     stack.id.write_direct_chunk((row, *(0 for _ in stack.shape[1:])), chunk)
 
 
 def append_image(stack: h5py.Dataset, image: NDArray[Any]) -> None:
-    """Append an image to a stack (an HDF5 array of frames) in a dataset file.
-
-    The colours of the image must be in the order red, green, blue. The image is compressed with ISA-L, or by HDF5
-    itself if another program has rewritten the stack with other filters than those of `layout.frame_stack`.
-    """
+    """Append an image with the colours red, green, blue to an HDF5 array of frames."""
     row = len(stack)
     stack.resize(row + 1, axis=0)
     properties = stack.id.get_create_plist()

@@ -1,10 +1,4 @@
-"""Compress frames in several threads, and write the compressed frames while the camera takes further frames.
-
-Several threads compress frames (`frame_chunk`), and another thread writes the compressed frames in their order. HDF5's
-own filters are slower, because HDF5 compresses one frame after another in the thread that writes.
-
-The bytes of frames in memory have an upper limit. If this limit is reached, `FrameStream.put` waits.
-"""
+"""Compress frames in several threads, and write them in order in another thread, while the camera takes frames."""
 
 from __future__ import annotations
 
@@ -33,14 +27,14 @@ _AHEAD = 64  # number of frames by which the stack in the file is lengthened at 
 
 
 class FrameStream:
-    """A stream that appends frames to an HDF5 array of frames (a stack) while the caller takes further frames.
+    """A stream that appends frames to an HDF5 array of frames while the caller takes further frames.
 
-    Use the stream in a ``with`` statement. The end of the with statement waits until all frames are written.
+    Use the stream in a ``with`` statement, which ends when all frames are written.
 
     Parameters
     ----------
     frames : h5py.Dataset
-        The stack, created by `layout.frame_stack`. Within the with statement, nothing else may use the file.
+        The array, created by `layout.frame_stack`. During the with statement, nothing else may use the file.
     ring_bytes : int
         Largest number of bytes of frames in memory; two frames are always allowed.
 
@@ -63,7 +57,7 @@ class FrameStream:
 
     @property
     def waiting(self) -> int:
-        """The number of frames that `put` has accepted and that are not yet written to the file."""
+        """The number of frames that are accepted and not yet written."""
         return self._accepted - self._finished
 
     def __enter__(self) -> FrameStream:
@@ -74,16 +68,15 @@ class FrameStream:
 
         Parameters
         ----------
-        image : ndarray
-            The frame of H rows and W columns: (H, W), or (H, W, 3) with the colours blue, green, red. The caller must
-            not change the array afterwards.
+        image : ndarray, shape (H, W) or (H, W, 3: blue, green, red)
+            The frame. The caller must not change the array afterwards.
         meanwhile : callable, optional
             Function that is called every 0.1 s during the wait.
 
         Raises
         ------
         ValueError
-            If the frame differs from the frames before in size or bit depth.
+            If the frame differs from earlier frames in size or bit depth.
         OSError, RuntimeError
             If an earlier frame could not be written.
         """
@@ -120,10 +113,7 @@ class FrameStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Wait until every accepted frame is written, and shorten the stack to the written frames.
-
-        Raises OSError or RuntimeError if a frame could not be written.
-        """
+        """Wait until all frames are written. Raises OSError or RuntimeError if a frame could not be written."""
         self._compressing.shutdown()
         self._writing.shutdown()
         if self._error is None:

@@ -1,4 +1,4 @@
-"""Make a dataset from existing images or an existing video, and from a table with the load of each picture."""
+"""Make a dataset from existing images or an existing video, and a table with the load of each picture."""
 
 from __future__ import annotations
 
@@ -57,18 +57,17 @@ def import_frames(
     correction: Images | None = None,
     every: int | None = None,
 ) -> int:
-    """Make a dataset from the images in a folder or from a video.
+    """Make a dataset from images or a video, and return the number of load steps.
 
-    Only the pictures that the table states.csv lists are imported. Images are taken in the natural order of their names
-    (2 before 10). Consecutive pictures with the same load are the frames of one state (load step). If the frames of a
-    state differ from each other, the state gets flags (marks of a defect).
+    Only the pictures that the table states.csv lists are imported, images in the natural order of their names (2
+    before 10). Consecutive pictures with the same load form one load step.
 
     Parameters
     ----------
     source
         A folder of images, an image or a video.
     states
-        The table of states: the load of each picture.
+        The table states.csv with the load of each picture.
     specimen, calibration
         The specimen and the calibration of the pictures.
     path
@@ -76,18 +75,13 @@ def import_frames(
     force
         Whether an existing file is overwritten.
     average
-        Whether the mean of the frames of a state is stored instead of the frames.
+        Whether the mean of the frames of a load step is stored instead of the frames.
     progress
-        Function that shows the progress of an import of many pictures.
+        Function that shows the progress.
     correction
-        Dark frame (taken without light) and flat field (the back-light without the beam) to store with the frames.
+        Dark frame (taken without light) and flat field (back-light without the beam).
     every
-        The number n, to import every n-th frame of a video. Each load of the table then acts until the next load.
-
-    Returns
-    -------
-    int
-        The number of imported states.
+        Import every n-th frame of a video; a load in the table then acts until the next load.
 
     Raises
     ------
@@ -163,14 +157,14 @@ def _append_states(
 
 
 def _remedy(image: NDArray[Any], first: NDArray[Any]) -> str:
-    """Return advice to the user about an image that differs in size or bit depth from the first image of the import."""
+    """Return advice about an image that differs from the first image in size or bit depth."""
     if image.shape[:2] == first.shape[1::-1] and image.dtype == first.dtype:
         return "rotate this picture by 90 degrees, or remove it from states.csv"
     return "export all pictures in the same way, or remove this picture from states.csv"
 
 
 def _oldest(listing: Listing) -> str:
-    """Return the time at which the oldest image file, or the video file, was last changed, as ISO 8601 in UTC."""
+    """Return the time of the last change of the oldest image file, or of the video file (ISO 8601, UTC)."""
     seconds = min(file.stat().st_mtime for file in listing.files())
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
 
@@ -182,10 +176,9 @@ def _report_unlisted(listing: Listing, states: Path) -> None:
 
 
 def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | None) -> tuple[Flag, ...]:
-    """Return the flags (names of defects) of one state (load step), which are found by comparing its images.
+    """Return the defects of one load step, which are recognised by comparing its images.
 
-    ``names`` are the files of the images. ``last`` is the last image of the previous state; None for the first state.
-    If it is identical to the first image of this state, a flag tells that an image was probably used twice.
+    ``last`` is the last image of the previous load step; None for the first load step.
     """
     numbers = [number for name in names if (number := last_number(name.stem)) is not None]
     if len(numbers) < len(names) or any(later <= earlier for earlier, later in pairwise(numbers)):
@@ -199,10 +192,7 @@ def _flags(names: list[Path], images: list[NDArray[Any]], last: NDArray[Any] | N
 
 
 def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
-    """Return the mean of several images as an image of 16 bits.
-
-    The grey values of images of 8 bits are multiplied by 257, so that 255 becomes 65535.
-    """
+    """Return the mean of several images in 16 bits. Grey values of 8 bits are multiplied by 257."""
     scale = 257.0 if images[0].dtype == np.uint8 else 1.0
     return np.rint(scale * np.mean(images, axis=0, dtype=np.float64)).astype(np.uint16)
 
@@ -210,10 +200,9 @@ def _mean(images: list[NDArray[Any]]) -> NDArray[np.uint16]:
 def _check_against_picture(
     image: Path, specimen: SpecimenFile, calibration: Calibration, width: int, height: int
 ) -> None:
-    """Check with the first picture of an import that the calibration and the specimen can belong to the pictures.
+    """Raise InputError if the clamp is outside the picture, or if the beam is larger than the picture.
 
-    Raises InputError if the clamp is outside the picture, or if the beam is larger than the picture at the scale of the
-    calibration. Prints a warning if a part of the straight beam would be outside the picture.
+    Prints a warning if a part of the straight beam would be outside the picture.
     """
     beam, scale = specimen.specimen, calibration.pixels_per_mm
     clamp, size = np.array(calibration.clamp_midpoint_px), f"{width} x {height} px"

@@ -1,4 +1,4 @@
-"""Conversion of edges or tracked points, with the loads of each state (load step), into an xarray.Dataset."""
+"""Convert edges or tracked points, with the loads of each load step, into an xarray.Dataset."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ _MM = {"units": "mm"}
 
 
 def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], attributes: Mapping[str, str]) -> Any:
-    """Return the tracked points of all states (load steps) as an xarray.Dataset.
+    """Return the tracked points of all load steps as an xarray.Dataset.
 
-    The dimensions are state, point and axis (x or y). The variables are in mm: ``rest`` contains the positions of the
-    points in the unloaded beam, ``place`` their positions in each state, and ``sigma`` the standard deviation of a
-    coordinate. Field, current, tip force and flags (defects) of each state are coordinates of the xarray.Dataset.
+    The dimensions are state (load step), point and axis (x, y). The variables, in mm, are the positions ``rest`` in the
+    unloaded beam, the positions ``place`` in each load step, and the standard deviations ``sigma``. The coordinates
+    are the loads and the defects (flags).
 
     Parameters
     ----------
     states, tracked
-        The states, and the tracked points of each state. If a state has fewer points than another state, its missing
-        points are NaN.
+        Loads and tracked points of each load step. Missing points become NaN.
     attributes
         Attributes of the xarray.Dataset.
 
@@ -47,17 +46,15 @@ def labelled_points(states: Sequence[State], tracked: Sequence[TrackedPoints], a
 
 
 def labelled_edges(states: Sequence[State], edges: Sequence[EdgeSet], attributes: Mapping[str, str]) -> Any:
-    """Return the edges of the beam in all states (load steps) as an xarray.Dataset.
+    """Return the edges of the beam in all load steps as an xarray.Dataset.
 
-    The dimensions are state, side (left or right), point and axis (x or y). The variables are the points ``edge`` and
-    their standard deviations ``sigma``, both in mm. Field, current, tip force and flags (defects) of each state are
-    coordinates of the xarray.Dataset.
+    The dimensions are state (load step), side (left or right), point and axis (x, y). The variables are the points
+    ``edge`` and their standard deviations ``sigma``, in mm. The coordinates are the loads and the defects (flags).
 
     Parameters
     ----------
     states, edges
-        The states, and the edges of each state. If an edge has fewer points than another edge, its missing points are
-        NaN.
+        Loads and edges of each load step. Missing points become NaN.
     attributes
         Attributes of the xarray.Dataset.
 
@@ -90,10 +87,7 @@ def _coordinates(states: Sequence[State]) -> dict[str, Any]:
 
 
 def _filled(arrays: Sequence[Any]) -> Any:
-    """Return arrays of different lengths as one array, in which the missing entries are NaN.
-
-    For m arrays, of which the longest has n rows, the result has the shape (m, n, ...).
-    """
+    """Return m arrays of up to n rows as one array of shape (m, n, ...), with NaN for missing rows."""
     longest = max((len(a) for a in arrays), default=0)
     filled = np.full((len(arrays), longest, *np.shape(arrays[0])[1:]), np.nan)
     for row, values in zip(filled, arrays, strict=True):

@@ -1,27 +1,4 @@
-"""The layout of a dataset file, in NeXus base classes (https://manual.nexusformat.org/classes/base_classes).
-
-/entry                      NXentry, as the application definition NXsensor_scan requires it
-  title, definition, start_time, program_name; end_time once the edges were stored
-  sample                    NXsample
-  sample/environment        NXenvironment: an NXsensor for each sensor of the rig; its NXlog has one row for each frame
-  instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
-  instrument/detector/settings    NXcollection: exposure, gain and other settings that were read back from the camera
-  specimen, calibration, protocol, rig    NXnote: the TOML texts of the run
-  former                    NXcollection of NXnote with a date: specimens and calibrations replaced after the run
-  host                      NXnote: time zone, and versions of the programs that wrote the file
-  user_note                 NXnote: the note that the user gave with --note
-  data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points, with columns
-  states                    NXcollection: one row for each state (load step); attributes of the group: version of the
-                            format, and whether the dataset holds frames or tracked points
-  transients, ring_down, conditioning    NXdata: frames outside the states, if the protocol asks for them (`recordings`)
-  set_points, ring_down_steps    NXcollection: times of set-points; one row for each free oscillation (`steps`)
-  ring_down_points, creep_points    NXcollection: motions as points at measured times (`moving.stored_motions`)
-  sessions                  NXcollection: one row for each time that the run was started or resumed
-  correction                NXcollection: dark frame and flat field, if the user gave them
-  segmentation              NXprocess: the edges; the projection of colours with which they were found; and the plots
-                            tip and outline (NXdata)
-  truth                     NXnote: the true materials of a virtual rig, which are used only to score results
-"""
+"""The layout of a dataset file, in NeXus base classes (https://manual.nexusformat.org/classes/base_classes)."""
 
 from __future__ import annotations
 
@@ -47,6 +24,30 @@ if TYPE_CHECKING:  # these modules import every driver, which is slow, and readi
     from eimi_drivers.cameras.settings import CameraSettings
     from eimi_lab.config.protocol import Protocol
     from eimi_lab.config.rig import Rig
+
+# Groups of the file:
+#
+# /entry                      NXentry, as the application definition NXsensor_scan requires it
+#   title, definition, start_time, program_name; end_time once the edges were stored
+#   sample                    NXsample
+#   sample/environment        NXenvironment: an NXsensor for each sensor; its NXlog has one row for each frame
+#   instrument                NXinstrument: detector (NXdetector), supply (NXcollection of two NXlog)
+#   instrument/detector/settings    NXcollection: exposure, gain and other settings that were read back from the camera
+#   specimen, calibration, protocol, rig    NXnote: the TOML texts of the run
+#   former                    NXcollection of NXnote with a date: specimens and calibrations replaced after the run
+#   host                      NXnote: time zone, and versions of the programs that wrote the file
+#   user_note                 NXnote: the note that the user gave with --note
+#   data                      NXdata: frames (n, H, W) or (n, H, W, 3: red, green, blue), or tracked points; columns
+#   states                    NXcollection: one row for each load step; attributes of the group: version of the
+#                             format, and whether the dataset holds frames or tracked points
+#   transients, ring_down, conditioning    NXdata: frames outside the load steps (`recordings`)
+#   set_points, ring_down_steps    NXcollection: times of set-points; one row for each free oscillation (`steps`)
+#   ring_down_points, creep_points    NXcollection: motions as points at measured times (`moving.stored_motions`)
+#   sessions                  NXcollection: one row for each time that the run was started or resumed
+#   correction                NXcollection: dark frame and flat field, if the user gave them
+#   segmentation              NXprocess: the edges; the projection of colours with which they were found; and the plots
+#                             tip and outline (NXdata)
+#   truth                     NXnote: the true materials of a virtual rig, which are used only to score results
 
 WRITTEN_AS = ("v110", "latest")
 """Oldest and newest version of the HDF5 structures in a file. HDF5 1.10 is the first version with the
@@ -96,12 +97,12 @@ FRAME_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Header:
-    """The description of a run or an import, which is written into a dataset before the first state (load step).
+    """The description of a run or an import, as a dataset stores it before the first load step.
 
     Parameters
     ----------
     specimen, calibration, protocol, rig
-        The input files; None for a file that the run or import does not have.
+        The input files; None for an absent file.
     instruments
         Identities of the supply, the camera and the sensors.
     truth
@@ -113,7 +114,7 @@ class Header:
     camera_settings
         Settings that were read back from the camera; None for an import.
     without_contact
-        What the supply does if its cable is pulled or the computer stops, in the words of the driver.
+        What the supply does if its cable is pulled or the computer stops.
     sensors
         The sensors that are read during the run.
     """
@@ -132,7 +133,7 @@ class Header:
 
     @property
     def documents(self) -> dict[str, Document | None]:
-        """The input files of a run, by the name of the group that stores the text; None for an absent file."""
+        """The input files of a run, by the name of the HDF5 group that stores each text."""
         return {
             "specimen": self.specimen,
             "calibration": self.calibration,
@@ -142,7 +143,7 @@ class Header:
 
 
 def write_header(file: h5py.File, header: Header) -> h5py.Group:
-    """Write the description of a run or an import into a new file, and return the new HDF5 group `entry`."""
+    """Write the description of a run into a new file, and return the new HDF5 group `entry`."""
     file.attrs["default"] = "entry"
     entry = group(file, "entry", "NXentry")
     entry.attrs["default"] = "data"
@@ -173,16 +174,12 @@ def write_header(file: h5py.File, header: Header) -> h5py.Group:
 
 
 def to_stored(image: NDArray[Any]) -> NDArray[Any]:
-    """Convert an image from the order blue, green, red to the order red, green, blue, or back.
-
-    The program uses the order blue, green, red. Dataset files use the order red, green, blue. An image without colours
-    is returned unchanged.
-    """
+    """Exchange the colours blue and red of an image; an image without colours is returned unchanged."""
     return image if image.ndim == 2 else image[..., ::-1]
 
 
 def identity_text(identity: Identity) -> str:
-    """Return driver, identification and address of an instrument as one line of text for a dataset."""
+    """Return driver, identification and address of an instrument as one line of text."""
     return f"{identity.driver}: {identity.text} at {identity.address}"
 
 
@@ -200,7 +197,7 @@ def host() -> dict[str, str]:
 
 
 def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset]:
-    """Create the empty table of states (load steps) in a new dataset, and return the columns of the table by name.
+    """Create the empty table of load steps in a new dataset, and return its columns by name.
 
     ``kind`` is "frames" for a dataset of frames, and "points" for a dataset of tracked points.
     """
@@ -212,14 +209,14 @@ def write_state_columns(entry: h5py.Group, kind: Kind) -> dict[str, h5py.Dataset
 
 
 def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) -> dict[str, h5py.Dataset]:
-    """Create the empty columns of a table in a dataset file, and return the columns by name. Rows can be appended.
+    """Create the empty columns of a table in a dataset file, and return them by name.
 
     Parameters
     ----------
     parent
         The HDF5 group that gets the columns.
     described
-        Type and unit of each column by name; the unit is None for a column without a unit.
+        Type and unit (or None) of each column by name.
     """
     created = {}
     for name, (dtype, unit) in described.items():
@@ -239,10 +236,7 @@ def columns(parent: h5py.Group, described: dict[str, tuple[str, str | None]]) ->
 
 
 def frame_stack(parent: h5py.Group, name: str, image: NDArray[Any]) -> h5py.Dataset:
-    """Create an empty stack of frames (an HDF5 array) in a group, and return the stack. Frames can be appended.
-
-    Every frame has the shape and the data type of the example ``image``.
-    """
+    """Create an empty HDF5 array of frames, to which frames like the example ``image`` can be appended."""
     frames = parent.create_dataset(
         name,
         shape=(0, *image.shape),
@@ -274,7 +268,7 @@ def group(parent: h5py.Group, name: str, nx_class: str) -> h5py.Group:
 
 
 def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
-    """Create an NXnote (a NeXus group for a text) with the name ``name`` in an HDF5 group.
+    """Create an NXnote (a NeXus group for a text) in an HDF5 group.
 
     ``media_type`` is the type of the text, such as "application/toml".
     """
@@ -284,28 +278,19 @@ def note(parent: h5py.Group, name: str, text: str, media_type: str) -> None:
 
 
 def put_text(parent: h5py.Group, name: str, text: str) -> h5py.Dataset:
-    """Store a text in UTF-8 with a fixed length, and return the HDF5 dataset that contains it.
-
-    HDF5's single-writer-multiple-reader mode does not allow texts of variable length.
-    """
+    """Store a text in UTF-8 with a fixed length, and return the HDF5 dataset that contains it."""
+    # HDF5's single-writer-multiple-reader mode does not allow texts of variable length
     raw = text.encode() or b"\0"
     return parent.create_dataset(name, data=np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw))))
 
 
 def put_date(parent: h5py.Group, name: str, date: str) -> h5py.Dataset:
-    """Store a date as a text of variable length, and return the HDF5 dataset that contains it.
-
-    Validators of NeXus files reject dates of fixed length.
-    """
+    """Store a date as a text of variable length, and return the HDF5 dataset that contains it."""
     return parent.create_dataset(name, data=date, dtype=h5py.string_dtype())
 
 
 def get_start(entry: h5py.Group) -> str:
-    """Return the time at which a run started, in ISO 8601.
-
-    The time is in an attribute of the table of states; in files of version 0.1.0, it is in the text `start_time`.
-    Raises ValueError if the file contains neither.
-    """
+    """Return the time at which a run started, in ISO 8601. Raises ValueError if the file does not contain the time."""
     attributes = entry["states"].attrs
     if START_ATTRIBUTE in attributes and attributes.get_id(START_ATTRIBUTE).dtype.kind == "S":
         return bytes(attributes[START_ATTRIBUTE]).decode()
@@ -317,12 +302,12 @@ def get_start(entry: h5py.Group) -> str:
 
 
 def put_definition(entry: h5py.Group) -> None:
-    """Store name and version of the NeXus application definition with which a dataset complies."""
+    """Store the name and the version of the NeXus application definition with which a dataset complies."""
     put_text(entry, "definition", DEFINITION).attrs["version"] = DEFINITION_VERSION
 
 
 def get_text(parent: h5py.Group, name: str) -> str:
-    """Return the text ``name`` in an HDF5 group, which `put_text` or `put_date` stored."""
+    """Return a text that `put_text` or `put_date` stored in an HDF5 group."""
     return bytes(parent[name][()]).rstrip(b"\0").decode()
 
 
@@ -332,10 +317,7 @@ def now() -> str:
 
 
 def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
-    """Return the flags (defects) of a state (load step) as JSON in UTF-8, the form in which the file stores the flags.
-
-    Raises ValueError if the JSON is too long for the column of flags.
-    """
+    """Return the flags (defects) of a load step as JSON in UTF-8. Raises ValueError if the JSON is too long."""
     text = json.dumps([list(astuple(flag)) for flag in flags]).encode()
     width = np.dtype(STATE_COLUMNS["flags"][0]).itemsize
     if len(text) > width:
@@ -347,8 +329,5 @@ def flags_to_text(flags: tuple[Flag, ...]) -> bytes:
 
 
 def flags_from_text(text: bytes) -> tuple[Flag, ...]:
-    """Return the flags (defects) of a state (load step) from JSON that `flags_to_text` returned.
-
-    Flags that early versions stored have no severity, and get the severity `Severity.UNUSABLE`.
-    """
+    """Return the flags (defects) of a load step from JSON that `flags_to_text` returned."""
     return tuple(Flag(*fields[:4], *map(Severity, fields[4:5]), *fields[5:]) for fields in json.loads(text))

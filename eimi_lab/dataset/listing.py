@@ -24,17 +24,16 @@ from eimi_lab.vision.image_files import find_images, read_image
 
 @dataclass(frozen=True)
 class ListedFrame:
-    """A picture to import, together with the row of the table states.csv that gives its load.
+    """A picture to import, and the row of the table states.csv that gives its load.
 
     Parameters
     ----------
     path
-        Path of the image. For a frame of a video: ``<path of the video>/<number of the frame>``.
+        Path of the image; for a frame of a video, ``<path of the video>/<number of the frame>``.
     row
         The row of the table.
     time_s
-        Time of the frame in the video, in s. NaN for an image, and for a frame that the table lists by its number and
-        not by its time.
+        Time of the frame in the video, s; NaN if the time is unknown.
     """
 
     path: Path
@@ -61,9 +60,8 @@ class Listing:
     left_out: tuple[Path, ...] = ()
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Read the listed pictures one after another, from the first to the last.
+        """Read the pictures in their order, each of shape (H, W) or (H, W, 3: blue, green, red).
 
-        Each picture of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red.
         Raises InputError for an unreadable picture.
         """
         if is_video(self.source):
@@ -76,38 +74,35 @@ class Listing:
 
 
 def is_video(path: Path) -> bool:
-    """Return whether the name of a file ends like that of a video file, such as ".mp4"."""
+    """Return whether a file name ends like that of a video, such as ".mp4"."""
     return path.suffix.lower() in VIDEOS
 
 
 def is_image(path: Path) -> bool:
-    """Return whether the name of a file ends like that of an image file, such as ".png"."""
+    """Return whether a file name ends like that of an image, such as ".png"."""
     return path.suffix.lower() in IMAGES
 
 
 def list_frames(source: Path, states: Path, every: int | None = None) -> Listing:
     """Find the pictures that the table states.csv lists.
 
-    A row specifies an image by its path relative to the table, by its name in the folder (with or without the ending),
-    or by the number at the end of its name. A row specifies a frame of a video by its number, counted from 0, or by
-    its time in the column ``time_s``.
+    A row names an image by its path relative to the table, by its name in the folder, or by the number at the end of
+    its name. A row names a frame of a video by its number, counted from 0, or by its time in the column ``time_s``.
 
     Parameters
     ----------
     source
         A folder of images, an image or a video.
     states
-        The table, which gives the load of each picture.
+        The table with the load of each picture.
     every
-        The number n, to take every n-th frame of a video. A row of the table then gives the time at which a load
-        begins. The load acts until the time in the column ``until_s`` or, without this column, until the time of the
-        next row.
+        Take every n-th frame of a video. A load then begins at the time in its row, and ends at the time ``until_s`` or
+        at the next row.
 
     Raises
     ------
     InputError
-        If the table is wrong, if a row specifies no picture or several pictures, or if two rows specify the same
-        picture.
+        If the table is wrong, or if a row does not name exactly one picture that no other row names.
     """
     if every is not None and (every < 1 or not is_video(source)):
         if is_video(source):
@@ -158,20 +153,14 @@ def _named(name: str, images: list[Path]) -> list[Path]:
 
 
 def _near(row: Row, images: list[Path]) -> str:
-    """Return a suggestion for a row whose image does not exist; an empty text if no image has a similar name.
-
-    The names are similar if they differ only in upper and lower case, in the folder or in the ending.
-    """
+    """Return a suggestion for a row whose image does not exist; an empty text without a similar name."""
     name = re.split(r"[/\\]", row.text("frame"))[-1].casefold()
     near = [image.name for image in images if name in (image.name.casefold(), image.stem.casefold())]
     return f"; did you mean {near[0]}?" if near else ""
 
 
 def _image_at_path(row: Row) -> list[Path]:
-    """Return a list with the image whose path is in a row of the table; an empty list if there is no such image.
-
-    The path is relative to the folder of the table.
-    """
+    """Return a list of the image whose path relative to the table is in a row; empty if it does not exist."""
     image = named_in(row.path, row.text("frame").replace("\\", "/"))
     try:
         return [image] if is_image(image) and image.is_file() else []
@@ -180,16 +169,13 @@ def _image_at_path(row: Row) -> list[Path]:
 
 
 def last_number(stem: str) -> int | None:
-    """Return the number at the end of a text; None if the text does not end with a number.
-
-    The text is the name of a file without the ending.
-    """
+    """Return the number at the end of a file name without its ending; None if there is no number."""
     digits = re.search(r"[0-9]+$", stem)
     return int(digits.group()) if digits else None
 
 
 def some(words: list[str]) -> str:
-    """Return a text with the first five of a list of words, separated by commas, and the number of further words."""
+    """Return the first five words, separated by commas, and the number of further words, as text."""
     return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
 
 
@@ -212,10 +198,7 @@ def _listed_times(video: Path, rows: list[Row]) -> Listing:
 
 
 def _listed_spans(video: Path, rows: list[Row], every: int) -> Listing:
-    """List every n-th frame of a video, each with the row of the table whose load acts at the time of the frame.
-
-    The number n is ``every``. If no row gives a load for the time of a frame, this frame is left out.
-    """
+    """List every n-th frame of a video with the row whose load acts at the time of the frame."""
     times = frame_times(video)
     by_time = "time_s" in rows[0].cells
     column = "time_s" if by_time else "frame"

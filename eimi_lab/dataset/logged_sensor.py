@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class LoggedSensor:
-    """The description of a sensor in a dataset.
+    """A sensor, as described in a dataset.
 
     Parameters
     ----------
@@ -25,10 +25,9 @@ class LoggedSensor:
     at_magnet
         For a gaussmeter, the field at the magnet divided by the field at the probe.
     uncertainty
-        Standard uncertainty of one reading, in the unit of the readings; None if the rig file does not give it.
+        Standard uncertainty of one reading, in the unit of the readings; None if unknown.
     uncertainty_share
-        Relative standard uncertainty of a factor that is common to all readings; None if the rig file does not give
-        this uncertainty.
+        Relative standard uncertainty of a factor common to all readings; None if unknown.
     """
 
     name: str
@@ -49,14 +48,13 @@ class SensorLog:
     sensor
         The sensor.
     state
-        (n,) for each frame, the number of the state (load step) to which the frame belongs.
+        (n,) number of the load step of each frame.
     time_s
-        (n,) for each frame, the time of the reading on the clock of the run, s; NaN without a reading.
+        (n,) time of each reading on the clock of the run, s; NaN without a reading.
     value
-        (n,) for each frame, the reading; NaN if the sensor was not read with this frame.
+        (n,) the readings; NaN if the sensor was not read.
     standard_uncertainty
-        (n,) for each frame, the standard uncertainty that the sensor reported with the reading; NaN if the sensor
-        reported none.
+        (n,) standard uncertainty that the sensor reported; NaN if it reported none.
     """
 
     sensor: LoggedSensor
@@ -66,10 +64,7 @@ class SensorLog:
     standard_uncertainty: NDArray[np.float64]
 
     def by_state(self, states: int) -> NDArray[np.float64]:
-        """Return the mean reading in each state (load step), shape (states,); NaN for a state without a reading.
-
-        ``states`` is the number of states.
-        """
+        """Return the mean reading in each load step, shape (states,); NaN for a load step without a reading."""
         has_reading = np.isfinite(self.value) & (self.state < states)
         count = np.bincount(self.state[has_reading], minlength=states)
         total = np.bincount(self.state[has_reading], weights=self.value[has_reading], minlength=states)

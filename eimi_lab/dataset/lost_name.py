@@ -19,11 +19,7 @@ HEAD_BYTES = 4096
 
 
 def head_of(descriptor: int) -> bytes:
-    """Return the first bytes of an open file. A later comparison shows whether another program changed the file.
-
-    ``descriptor`` is the file descriptor. HDF5 uses the same descriptor and relies on its position in the file. The
-    position is therefore restored after reading. (pread(2) would not change it, but does not exist on Windows.)
-    """
+    """Return the first bytes of an open file, given by its descriptor. The position in the file is restored."""
     place = os.lseek(descriptor, 0, os.SEEK_CUR)  # HDF5 may continue at this position
     try:
         os.lseek(descriptor, 0, os.SEEK_SET)
@@ -33,10 +29,7 @@ def head_of(descriptor: int) -> bytes:
 
 
 def fate_of(path: Path, descriptor: int) -> str:
-    """Return in words what another program did to an open file, such as "was moved" or "was deleted".
-
-    ``descriptor`` is the file descriptor of the open file. The text is empty if ``path`` still leads to this file.
-    """
+    """Return what another program did to an open file, such as "was moved"; empty if the path still leads to it."""
     try:
         open_file = os.fstat(descriptor)
     except OSError:  # the file is closed already
@@ -60,14 +53,14 @@ def copy_beside(path: Path, source: int, fate: str, beat: Callable[[], None]) ->
     source
         File descriptor of the open file.
     fate
-        Text about the loss of the file, such as "was deleted", for a message.
+        What happened to the file, such as "was deleted", for a message.
     beat
-        Function that is called repeatedly while the file is copied, to show that the run proceeds.
+        Function that is called repeatedly during the copying.
 
     Returns
     -------
     path, lock
-        The path of the copy, and the lock that prevents other programs from writing to the copy.
+        The path of the copy, and the lock that keeps other programs from writing to the copy.
 
     Raises
     ------

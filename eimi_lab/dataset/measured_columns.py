@@ -17,10 +17,7 @@ COLUMNS = {"field_sigma": ("field_sigma_mT", "mT"), "temperature": ("temperature
 
 
 class Measured(Protocol):
-    """The measured quantities of an imported state (load step): uncertainty of the field, and temperature.
-
-    A quantity that was not measured is None.
-    """
+    """The measured quantities of an imported load step; None for a quantity that was not measured."""
 
     @property
     def field_sigma_mT(self) -> float | None:
@@ -32,19 +29,15 @@ class Measured(Protocol):
 
 
 def store_measured_columns(path: Path, loads: Sequence[Measured]) -> None:
-    """Add field uncertainties and temperatures to an existing dataset file, if they were measured.
-
-    ``loads`` contains one element for each state (load step).
-    """
+    """Add field uncertainties and temperatures, one for each load step, to an existing dataset file."""
     with patiently(lambda: h5py.File(path, "r+")) as file:
         write_measured_columns(file["entry/states"], loads)
 
 
 def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> None:
-    """Write field uncertainties and temperatures to the table of states (load steps), each as a column.
+    """Write field uncertainties and temperatures to the table of load steps.
 
-    A quantity that was measured in no state gets no column. The value is NaN for a state in which the quantity was not
-    measured. ``loads`` contains one element for each state.
+    A missing value is NaN; a quantity without any value gets no column.
     """
     for name, (key, unit) in COLUMNS.items():
         values = [getattr(load, key) for load in loads]
@@ -54,9 +47,8 @@ def write_measured_columns(states: h5py.Group, loads: Sequence[Measured]) -> Non
 
 
 def measured_column(states: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return the field uncertainty (mT) or the temperature (°C) of each state (load step), shape (count,).
+    """Return the field uncertainty (mT) or the temperature (°C) of each load step, shape (count,); NaN if not measured.
 
-    The value is NaN for a state in which the quantity was not measured. ``states`` is the table of states in the file,
-    ``name`` is "field_sigma" or "temperature", and ``count`` is the number of states.
+    ``states`` is the table of load steps in the file. ``name`` is "field_sigma" or "temperature".
     """
     return np.asarray(states[name][()]) if name in states else np.full(count, np.nan)

@@ -13,17 +13,14 @@ from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 
 @dataclass(frozen=True)
 class FieldLine:
-    """The straight line B = slope · I + offset for the measured field B at the magnet and the coil current I.
-
-    B is the component along the axis of the coil.
+    """The straight line B = slope · I + offset, for the field B along the coil axis at the magnet and the current I.
 
     Parameters
     ----------
     probe
-        Name and identification of the gaussmeter. Datasets with the same gaussmeter share its calibration error.
+        Name and identification of the gaussmeter.
     mT_per_A, offset_mT
-        The slope, mT/A, and the offset, mT. The offset is the sum of the zero error of the probe, the remanence and the
-        background field.
+        The slope, mT/A, and the offset, mT.
     mT_per_A_sigma, offset_mT_sigma
         Standard uncertainties of the slope (mT/A) and of the offset (mT).
     scatter_mT
@@ -31,8 +28,7 @@ class FieldLine:
     currents
         Number of different currents in the fit.
     shared_is_stated
-        Whether the rig file gives ``uncertainty_share``, the relative uncertainty common to all readings. If not, the
-        scale of the gaussmeter is assumed to be exact.
+        Whether the rig file gives the relative uncertainty common to all readings.
     """
 
     probe: str
@@ -46,7 +42,7 @@ class FieldLine:
 
     @property
     def in_words(self) -> str:
-        """The slope and the offset of the line with their standard uncertainties, as text for the user."""
+        """The slope and the offset with their standard uncertainties, as text."""
         return (
             f"{self.mT_per_A:.5g} ± {self.mT_per_A_sigma:.2g} mT/A, and {self.offset_mT:.3g} ± "
             f"{self.offset_mT_sigma:.2g} mT without a current"
@@ -58,30 +54,24 @@ def field_line(
 ) -> FieldLine | None:
     """Fit the straight line B = slope · I + offset to gaussmeter readings by least squares.
 
-    I is the current, and B is the field at the magnet: the reading at the probe times ``sensor.at_magnet``.
-
-    Three errors contribute to the uncertainties of slope and offset. Let u be the standard uncertainty of one reading,
-    converted from the probe to the magnet. First, each B has an independent error with the standard deviation u, or the
-    scatter about the line if the scatter is larger. Second, the zero error of the gaussmeter, with the assumed
-    uncertainty u, makes the offset more uncertain. Third, its scale error, with the relative uncertainty
-    ``sensor.uncertainty_share``, makes the slope more uncertain. The variances are added (JCGM 100:2008, 5.1.2).
+    I is the current, and B is the field at the magnet: the reading times ``sensor.at_magnet``. The variances of three
+    errors are added (JCGM 100:2008, 5.1.2): the scatter (at least the uncertainty u of one reading), the zero error (u,
+    offset only) and the scale error (``sensor.uncertainty_share``, slope only).
 
     Parameters
     ----------
     sensor
         The gaussmeter.
     current_A, field_mT
-        (n,) the current (A) and the reading (mT) of each of n readings. Readings for which one of the two is NaN are
-        left out.
+        (n,) current (A) and reading (mT); pairs with a NaN are left out.
     stated_mT
-        (n,) or one number for all readings: the standard uncertainty that the gaussmeter reported with each reading;
-        NaN if it reported none. These uncertainties are used only if the rig file gives no uncertainty of the
-        gaussmeter.
+        (n,) or one number: standard uncertainty that the gaussmeter reported (NaN for none). It is used if the rig file
+        gives no uncertainty.
 
     Returns
     -------
     FieldLine or None
-        The line; None if there are readings at fewer than two different currents.
+        The line; None for fewer than two different currents.
     """
     current, field, reported = np.broadcast_arrays(
         np.asarray(current_A, dtype=float), np.asarray(field_mT, dtype=float), np.asarray(stated_mT, dtype=float)
@@ -116,14 +106,14 @@ def measured_line(logs: Sequence[SensorLog], current_A: ArrayLike) -> FieldLine 
     Parameters
     ----------
     logs
-        The readings of all sensors. The first gaussmeter among the sensors is used.
+        The readings of all sensors; the first gaussmeter is used.
     current_A
-        (K,) the current in each of the K states (load steps).
+        (K,) current in each of K load steps, A.
 
     Returns
     -------
     FieldLine or None
-        The line; None if the run has no gaussmeter, or if the gaussmeter was read at fewer than two different currents.
+        The line; None without a gaussmeter, or for fewer than two different currents.
     """
     for log in logs:
         if log.sensor.measures == "field":

@@ -1,12 +1,7 @@
-"""Compare the measured temperature of the coil with the thermal model of the coil.
+"""Compare the measured temperature of the coil with a thermal model: T = T0 + R h / I0², τ dh/dt = I² − h.
 
-The thermal model (`eimi_lab.acquisition.heating`) predicts the temperature T0 + R h / I0² of the coil. T0 is the
-temperature without heating, and R is the temperature rise in the long run at the continuous current I0. The quantity h
-(A²) describes the heat: it follows from the current I by τ dh/dt = I² − h, where τ is the thermal time constant. T0 and
-R are fitted to the readings by least squares.
-
-The coil is assumed to be cold (h = 0) at the first reading. The current of a state (load step) is assumed to begin at
-the last reading of the previous state; the ramp between the currents is neglected.
+T is the coil temperature, T0 the temperature without heating, I the current, τ the thermal time constant, h (A²) the
+heat (0 at the first reading), and R the final temperature rise at the continuous current I0. T0 and R are fitted.
 """
 
 from __future__ import annotations
@@ -37,7 +32,7 @@ to the user."""
 
 @dataclass(frozen=True)
 class MeasuredHeating:
-    """The result of the comparison between the measured coil temperatures and the thermal model of the coil.
+    """The comparison of measured coil temperatures with the thermal model of the coil.
 
     Parameters
     ----------
@@ -46,13 +41,13 @@ class MeasuredHeating:
     lowest_degC, highest_degC : float
         The lowest and the highest reading, °C.
     continuous_rise_K : float
-        Temperature rise at the continuous current, from the fit with the time constant in the rig file, K.
+        Fitted temperature rise at the continuous current, K.
     rms_K : float
-        Root mean square difference between the readings and the fit with the time constant in the rig file, K.
+        Root mean square difference between readings and model, K.
     time_constant_s, best_time_constant_s : float
-        The thermal time constant in the rig file, and the time constant for which the model fits best, s.
+        Thermal time constant in the rig file, and the best fitting one, s.
     best_rms_K : float
-        Root mean square difference between the readings and the fit with ``best_time_constant_s``, K.
+        Root mean square difference with ``best_time_constant_s``, K.
     continuous_current_A : float
         The continuous current in the rig file, A.
     """
@@ -69,16 +64,13 @@ class MeasuredHeating:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the readings contradict the thermal time constant in the rig file.
-
-        They do if the time constant for which the model fits best is very different, and makes the fit much better.
-        """
+        """Whether the readings contradict the thermal time constant in the rig file."""
         far = abs(self.best_time_constant_s / self.time_constant_s - 1) > DIFFERENT
         return far and self.best_rms_K < 0.7 * self.rms_K
 
     @property
     def in_words(self) -> str:
-        """The measured temperatures, and whether the thermal model of the coil agrees, as text for the user."""
+        """The measured temperatures, and whether the thermal model of the coil agrees, as text."""
         words = (
             f"{self.lowest_degC:.1f} to {self.highest_degC:.1f} °C ({self.sensor}); the thermal model of the coil "
             f"agrees within {self.rms_K:.2g} K (root mean square) and gives a rise of {self.continuous_rise_K:.3g} K "
@@ -104,14 +96,14 @@ def measured_heating(
     log : SensorLog
         The readings, °C.
     current_A : array_like, shape (K,)
-        The current in each of the K states (load steps), A.
+        Current in each of K load steps, A.
     continuous_current_A, time_constant_s : float
-        Continuous current (A) and thermal time constant (s) of the coil, from the rig file.
+        Continuous current (A) and thermal time constant (s) of the coil.
 
     Returns
     -------
     MeasuredHeating or None
-        The comparison; None if there are too few readings, or if the readings differ too little.
+        The comparison; None for too few or too similar readings.
     """
     order = np.argsort(log.time_s, kind="stable")
     finite = order[np.isfinite(log.value[order]) & np.isfinite(log.time_s[order])]
@@ -142,24 +134,9 @@ def measured_heating(
 def _heats(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heat of the coil at the times of n readings, for each of m trial values of its time constant τ.
+    """Return the heat s of the coil at n readings for m time constants τ (s), shape (m, n): τ ds/dt = q − s.
 
-    The heat s is proportional to the temperature rise, and is 1 after a long time at the continuous current I0. It
-    satisfies τ ds/dt = I² / I0² − s, where I is the current, with s = 0 at the first reading.
-
-    Parameters
-    ----------
-    time_s : ndarray, shape (n,)
-        Times of the readings, s.
-    squares : ndarray, shape (n,)
-        I² / I0². The value at a reading applies to the time since the previous reading.
-    constants_s : ndarray, shape (m,)
-        The trial time constants τ, s.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
-        The heat s for each time constant (rows) at each reading (columns).
+    ``squares`` (n,) contains q: the squared current since the previous reading over the squared continuous current.
     """
     decay = np.exp(-np.diff(time_s) / constants_s[:, None])
     shares = np.zeros((len(constants_s), len(time_s)))
@@ -171,8 +148,7 @@ def _heats(
 def coil_heating(dataset: Dataset) -> MeasuredHeating | None:
     """Compare the measured coil temperatures of a dataset with the thermal model of the coil in the rig file.
 
-    Returns None if the rig file has no thermal rating of the coil, or if no thermometer at the coil was read. None is
-    also returned if there are too few readings, or if the readings differ too little.
+    Returns None if the model or the readings are missing, or if the readings are too few or too similar.
     """
     text = dataset.text("rig")
     rating = parse_table(text, "rig").get("coil") if text else None

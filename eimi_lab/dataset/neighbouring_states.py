@@ -1,7 +1,4 @@
-"""Search again for the beam in states in which it was not found, with the help of neighbouring states.
-
-The beam moves little from one state (load step) to the next.
-"""
+"""Search again for the beam in load steps in which it was not found, with the help of neighbouring load steps."""
 
 from __future__ import annotations
 
@@ -17,33 +14,25 @@ Array = NDArray[np.float64]
 
 
 class SearchAgain(Protocol):
-    """Function that finds the edges of the beam in one state (load step) with the help of other states."""
+    """Function that finds the edges of the beam in one load step with the help of other load steps."""
 
     def __call__(self, index: int, guide: EdgeSet, *lines_mm: Array) -> EdgeSet:
-        """Find and return the edges of the beam in the state (load step) with the number `index`.
+        """Find the edges of the beam in the load step with the number `index`.
 
-        If several bodies in the image may be the beam, the body nearest to the edges `guide` of another state is taken.
-        `lines_mm` tells where the middle line of the beam is expected: at one line, between two lines, or anywhere if
-        there is none. Each line is an array of n points (x, y) in mm, shape (n, 2).
+        If several bodies may be the beam, the body nearest to the edges `guide` is taken. The middle line is expected
+        at or between the lines `lines_mm` (none: anywhere), each of shape (n, 2), mm.
         """
 
 
 def search_beside_neighbours(edge_sets: list[EdgeSet], search_again: SearchAgain, width_mm: float) -> None:
-    """Search again for the beam in states (load steps) in which it was not found, with the help of neighbouring states.
-
-    The middle line of the nearest reliable state is used as the expected middle line: first that of the nearest earlier
-    state, and then that of the nearest later state. If neither helps, the beam is expected between these two lines, and
-    is accepted there only.
-
-    States before the first reliable state are also searched again if several bodies in the image may be the beam. The
-    body that is nearest to the beam in the next reliable state is then taken.
+    """Search again for the beam in load steps in which it was not found, with the help of neighbouring load steps.
 
     Parameters
     ----------
     edge_sets : list of EdgeSet
-        The edges of each state. They are changed in place.
+        The edges of each load step, which are changed in place.
     search_again : callable
-        Function that finds the edges in one state.
+        Function that finds the edges in one load step.
     width_mm : float
         Width of the beam.
     """
@@ -74,11 +63,7 @@ def search_beside_neighbours(edge_sets: list[EdgeSet], search_again: SearchAgain
 
 
 def is_reliable(edge_set: EdgeSet) -> bool:
-    """Return whether the edges of a state (load step) are reliable enough to guide the search in other states.
-
-    The edges must exist, must not be a guess between several bodies, and must have no flag (failed quality check) that
-    makes the state unusable.
-    """
+    """Return whether the edges of a load step are reliable enough to guide the search in other load steps."""
     guessed = any(flag.name == "ROOT_AMBIGUOUS" for flag in edge_set.flags)
     return bool(len(edge_set.middle_mm)) and not guessed and not leaves_out(edge_set.flags)
 

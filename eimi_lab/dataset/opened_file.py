@@ -66,10 +66,7 @@ def open_file(path: Path) -> tuple[h5py.File, bool]:
 
 
 def _not_a_dataset(path: Path) -> str:
-    """Return a text for the user about a file that is not a dataset.
-
-    The text tells the kind of the file, judged by its ending, and how to make a dataset.
-    """
+    """Return a text about the kind of a file that is not a dataset, and how to make a dataset."""
     from eimi_lab.dataset.videos import ENDINGS as VIDEOS  # OpenCV loads slowly
     from eimi_lab.vision.image_files import ENDINGS as IMAGES
 
@@ -81,12 +78,10 @@ def _not_a_dataset(path: Path) -> str:
     return _CONFUSED_WITH_DATASET.get(ending, _NOT_HDF5)
 
 
+# The superblock (first block) has the mark in byte 11 and its version in byte 8. Only version 3 has the mark (HDF5 File
+# Format Specification 3.0, section II.A).
 def _has_a_writer(path: Path) -> bool:
-    """Return whether an HDF5 file is marked as open for writing. The mark also remains if the writing program crashed.
-
-    The superblock, which is the first block of the file, contains the mark in byte 11 and its own version in byte 8.
-    Only version 3 has the mark (HDF5 File Format Specification 3.0, section II.A).
-    """
+    """Return whether an HDF5 file is marked as open for writing, by a running or a crashed program."""
     with path.open("rb") as raw:
         superblock = raw.read(12)
     return len(superblock) == 12 and superblock[8] == 3 and superblock[11] != 0

@@ -1,4 +1,4 @@
-"""Draw the edges or the tracked points of all states (load steps) of a dataset in one figure for a notebook."""
+"""Draw the edges or the tracked points of all load steps of a dataset in one figure."""
 
 from __future__ import annotations
 
@@ -20,21 +20,20 @@ OF_BEAM = ("along the beam at rest", "across it")
 def drawn_places(
     states: Sequence[State], places: Sequence[Sequence[Array]], axes_names: tuple[str, str], lines: bool
 ) -> Drawing:
-    """Return a figure with the edges or tracked points of all states (load steps), coloured by the field of the state.
+    """Return a figure with the edges or tracked points of all load steps, coloured by the field of the load step.
 
-    If all states have the same field, the colour shows the number of the state.
+    If all fields are equal, the colour shows the number of the load step.
 
     Parameters
     ----------
     states
-        The K states.
+        The K load steps.
     places
-        For each of the K states, one or more arrays of edge points or tracked points, shape (n, 2): the two coordinates
-        of n points in mm.
+        One or more arrays for each load step, shape (n, 2): two coordinates of n points, mm.
     axes_names
         Names of the two axes.
     lines
-        True to draw each array as a line, False to draw it as points.
+        True to draw lines, False to draw points.
     """
     values, name = by_field([state.field_mT for state in states], [state.index for state in states])
     scale = colours_in_order(values)

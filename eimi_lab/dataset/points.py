@@ -46,20 +46,18 @@ POINT_COLUMNS: dict[str, tuple[str, str | None]] = {
 
 @dataclass(frozen=True)
 class TrackedPoints:
-    """The tracked material points of one state (load step), in the beam frame.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+    """The n tracked points of one load step, with x along the straight beam from the clamp, and y across it.
 
     Parameters
     ----------
     names
-        Names of the n points.
+        Names of the points.
     rest_mm, points_mm
-        (n, 2) x and y of each point at rest, and in the state, mm.
+        (n, 2) x and y of each point at rest, and in the load step, mm.
     sigma_mm
         (n,) standard deviation of a coordinate of each point, mm.
     depth_mm
-        (n,) distance of each point at rest from the plane at mid-depth of the beam, mm; None if all distances are 0.
+        (n,) distance of each point at rest from the plane at mid-depth of the beam, mm; None if all are 0.
     """
 
     names: tuple[str, ...]
@@ -71,9 +69,7 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """The loads and measured conditions of one state (load step).
-
-    Two objects are equal if everything except the temperature is equal.
+    """The loads and measured conditions of one load step. Equality ignores the temperature.
 
     Parameters
     ----------
@@ -84,12 +80,11 @@ class Load:
     tip_force_N
         Force at the tip, N.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame (x along the straight beam from the clamp, y across), degrees from
-        +x toward +y; None for the direction of gravity.
+        Direction of the tip force, degrees from +x (along the straight beam) toward +y (across); None for gravity's.
     field_sigma_mT
-        Standard uncertainty of the measured field, mT; None if the field was not measured.
+        Standard uncertainty of the measured field, mT; None if not measured.
     temperature_degC
-        Measured temperature of the specimen, °C; None if the temperature was not measured.
+        Measured temperature of the specimen, °C; None if not measured.
     """
 
     current_A: float | None
@@ -117,12 +112,11 @@ def write_points(
     header
         Description of the measurement.
     gravity_angle_deg
-        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), degrees from +x
-        toward +y.
+        Direction of gravity, degrees from +x (along the straight beam) toward +y (across the beam).
     loads, points
-        The loads, and the tracked points, of each state (load step).
+        The loads and the tracked points of each load step.
     gravity
-        Whether the simulation of the beam includes the weight of the beam.
+        Whether the simulation of the beam includes its weight.
     """
     with h5py.File(path, "w", libver=WRITTEN_AS) as file:
         entry = write_header(file, header)
@@ -158,10 +152,7 @@ def write_points(
 
 
 def read_points(entry: h5py.Group, states: int) -> tuple[TrackedPoints, ...]:
-    """Return the tracked points of every state (load step) of a dataset.
-
-    Files of early releases do not contain the distance of the points from mid-depth. This distance is then 0.
-    """
+    """Return the tracked points of every load step of a dataset."""
     table = {name: entry["data"][name][()] for name in POINT_COLUMNS if name in entry["data"]}
     depth = table.get("z0", np.zeros(len(table["state"])))
     tracked = []

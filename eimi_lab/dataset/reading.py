@@ -1,4 +1,4 @@
-"""Read a dataset. Every complete state (load step) can be read, even while a run writes the file or after a crash."""
+"""Read a dataset. Every complete load step can be read, even while a run writes the file or after a crash."""
 
 from __future__ import annotations
 
@@ -59,23 +59,20 @@ class Dataset:
     calibration
         The calibration; None for a dataset of tracked points.
     states
-        The states (load steps) with their loads and flags (defects).
+        The load steps with their loads and flags (defects).
     gravity_angle_deg, field_angle_deg
-        Directions of gravity, and of the field of a positive current, in the beam frame (x along the straight beam from
-        the clamp, y across), from +x toward +y.
+        Directions of gravity and of the field of a positive current, degrees from +x (along the straight beam from the
+        clamp) toward +y (across the beam).
     gravity
-        Whether the simulation of the beam includes the weight of the beam.
+        Whether the simulation of the beam includes its weight.
     field_line
-        The straight line through the readings of a gaussmeter against the current; None if the run had no gaussmeter.
-        With a gaussmeter, the field of each state is the slope of this line times the current of the state. Without a
-        gaussmeter, the fields follow from the coil constant, or were imported.
+        Straight line of gaussmeter readings against current, which gives the fields; None without a gaussmeter.
     """
 
     def __init__(self, path: Path, file: h5py.File, finished: bool, if_damaged: str = _IF_DAMAGED) -> None:
-        """Read the specimen, the calibration and the states (load steps) from an open file.
+        """Read the specimen, the calibration and the load steps from an open file.
 
-        ``finished`` tells whether the file was closed properly. ``if_damaged`` is the advice to the user in the message
-        about a damaged file.
+        ``finished`` tells whether the file was closed properly. ``if_damaged`` is the advice in a message about damage.
         """
         self.path = path
         self._if_damaged = if_damaged
@@ -89,10 +86,7 @@ class Dataset:
         self._file.close()
 
     def reopen(self) -> None:
-        """Open the file again, so that states (load steps) that were written in the meantime can be read.
-
-        Raises InputError if the file cannot be opened.
-        """
+        """Open the file again, to read load steps that were written since. Raises InputError if this fails."""
         self._file.close()
         file, finished = open_file(self.path)
         self.__init__(self.path, file, finished, self._if_damaged)  # type: ignore[misc]
@@ -105,10 +99,7 @@ class Dataset:
 
     @contextmanager
     def _naming_damage(self) -> Iterator[None]:
-        """Convert an error of HDF5 inside a ``with`` block into an InputError that names the damaged dataset.
-
-        HDF5 raises errors of nearly every kind for damaged files.
-        """
+        """Convert an error of HDF5 inside a ``with`` block into an InputError that names the damaged dataset."""
         try:
             yield
         except (InputError, ImportError):
@@ -162,7 +153,7 @@ class Dataset:
             ) from error
 
     def text(self, name: str) -> str | None:
-        """Return the TOML text of one input file of the run, as stored in the dataset; None if the text is not stored.
+        """Return the TOML text of one input file of the run; None if the text is not stored.
 
         ``name`` is "specimen", "calibration", "protocol" or "rig".
         """
@@ -170,10 +161,7 @@ class Dataset:
             return get_text(self._entry[name], "data") if name in self._entry else None
 
     def corrections(self) -> tuple[str, ...]:
-        """Return the changes of specimen and calibration that were made after the run, the oldest first.
-
-        Each change is one line with the date and the changed values.
-        """
+        """Return the later changes of specimen and calibration, the oldest first, one line for each change."""
         with self._naming_damage():
             former = self._entry.get(FORMER, {})
             dated = [(get_text(former[name], "date"), name) for name in former]
@@ -187,36 +175,32 @@ class Dataset:
             return tuple(lines)
 
     def images(self, state_index: int, most: int | None = None) -> NDArray[Any]:
-        """Return the n frames of a state (load step), type uint8 or uint16, of H rows and W columns.
+        """Return the n frames of a load step, shape (n, H, W) or (n, H, W, 3: blue, green, red), type uint8 or uint16.
 
-        The shape is (n, H, W), or (n, H, W, 3) with the colours blue, green, red. If ``most`` is given, only the first
-        ``most`` frames are returned. Raises InputError with the numbers of the damaged frames if a frame cannot be
-        read.
+        At most the first ``most`` frames are returned. Raises InputError with the numbers of damaged frames.
         """
         with self._naming_damage():
             return images_of_state(self.path, self._entry, state_index, most)
 
     def each_image(self, state_index: int) -> Iterator[NDArray[Any]]:
-        """Yield the frames of a state (load step) one after another, so that only one frame is in memory at a time.
+        """Yield the frames of a load step one after another, shape (H, W) or (H, W, 3: blue, green, red).
 
-        Each frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red. Raises
-        InputError for a damaged frame.
+        Only one frame is in memory at a time. Raises InputError for a damaged frame.
         """
         with self._naming_damage():
             yield from each_image_of_state(self.path, self._entry, state_index)
 
     def transient(self, state_index: int) -> Recording | None:
-        """Return the frames that were taken while the beam settled in one state (load step).
+        """Return the frames that were taken while the beam settled in one load step; None if none are stored.
 
-        None is returned if the run stored no such frames. Raises InputError if the file is damaged.
+        Raises InputError if the file is damaged.
         """
         return self._recording(TRANSIENTS, state_index)
 
     def recorded_ring_downs(self) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-        """Return the step of the current and the frames of each recorded ring-down; empty without ring-downs.
+        """Return, for each free oscillation, the step of the current to zero before it and the frames; empty if none.
 
-        In a ring-down the current steps to zero and the beam swings freely. The frames are read from the file one at a
-        time. Raises InputError if the file is damaged.
+        Raises InputError if the file is damaged.
         """
         with self._naming_damage():
             return recorded_ring_downs(self._entry, len(self.states))
@@ -228,40 +212,34 @@ class Dataset:
             return None if stored is None else float(stored[()])
 
     def creep_frames(self, state_index: int) -> RecordedFrames | None:
-        """Return the frames that record the creep of the beam in one state (load step).
-
-        None is returned if the run did not record creep. The frames are read from the file one at a time.
-        """
+        """Return the frames that record the creep of the beam in one load step; None if none are stored."""
         with self._naming_damage():
             return creep_frames(self._entry, len(self.states), state_index)
 
     def set_points(self) -> tuple[SetPoint, ...]:
-        """Return all set-points of the current that were sent during the run, with their times.
-
-        The result is empty if the run did not store set-points.
-        """
+        """Return all set-points of the current during the run, with their times; empty if none are stored."""
         with self._naming_damage():
             return read_set_points(self._entry)
 
     def conditioning(self) -> Recording | None:
-        """Return the frames of the first and last load cycle before the run; None if the run stored no such frames.
+        """Return the frames of the first and last load cycle before the run; None if none are stored.
 
         Raises InputError if the file is damaged.
         """
         return self._recording(CONDITIONING)
 
     def ring_downs(self) -> tuple[Motion, ...]:
-        """Return the stored ring-downs (free oscillations), each as positions of points at measured times.
+        """Return the stored free oscillations of the beam as positions of points over time.
 
-        `eimi segment` finds the points in the recorded frames. The tuple is empty if no ring-down is stored.
+        The result is empty before `eimi segment` finds the points.
         """
         with self._naming_damage():
             return read_motions(self._entry, "ring_down")
 
     def creeps(self) -> tuple[Motion, ...]:
-        """Return the stored creep of all load steps, each as positions of points of the beam at measured times.
+        """Return the stored creep of the beam as positions of points over time.
 
-        `eimi segment` finds the points in the recorded frames. The tuple is empty if no creep is stored.
+        The result is empty before `eimi segment` finds the points.
         """
         with self._naming_damage():
             return read_motions(self._entry, "creep")
@@ -271,17 +249,11 @@ class Dataset:
             return read_recording(self._entry, name, len(self.states), only)
 
     def damaged_frames(self) -> tuple[int, ...]:
-        """Return the row numbers of all damaged frames in the HDF5 array that contains the frames of all load steps.
-
-        Every frame is read to find the damaged frames, which may take long.
-        """
+        """Return the row numbers of all damaged frames in the HDF5 array of frames. Every frame is read."""
         return damaged_frames(self._entry["data/frames"])
 
     def frame_format(self) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        """Return the shape of a frame, and the data type of its pixels.
-
-        The shape is (rows, columns), or (rows, columns, 3) for frames with colours.
-        """
+        """Return the shape of a frame, (rows, columns) or (rows, columns, 3), and the data type of its pixels."""
         frames = self._entry["data/frames"]
         return frames.shape[1:], frames.dtype
 
@@ -303,7 +275,7 @@ class Dataset:
             return start if start.tzinfo else start.replace(tzinfo=UTC)
 
     def times_of_states(self) -> NDArray[np.float64]:
-        """Return the mean time (s) of the frames of each of K states (load steps), on the clock of the run, shape (K,).
+        """Return the mean time of the frames of each of K load steps on the clock of the run, s, shape (K,).
 
         The array is empty for tracked points.
         """
@@ -319,14 +291,11 @@ class Dataset:
 
     @property
     def resumable(self) -> bool:
-        """Whether a run can add further states (load steps) to the file. False for files of early versions."""
+        """Whether a run can add further load steps to the file. False for files of early versions."""
         return "sessions" in self._entry
 
     def edges(self) -> tuple[EdgeSet, ...] | None:
-        """Return the stored edges of every state (load step); None if the edges of any state are missing.
-
-        They are missing until `eimi segment` finds the edges, and if states were added afterwards.
-        """
+        """Return the stored edges of every load step; None if the edges of any load step are missing."""
         if "segmentation" not in self._entry:
             return None
         with self._naming_damage():
@@ -334,23 +303,20 @@ class Dataset:
         return edges if len(edges) == len(self.states) else None
 
     def projection(self) -> Projection | None:
-        """Return the projection of colours to grey values with which the stored edges were found.
-
-        The result is None if no edges are stored, or if the frames have no colours.
-        """
+        """Return the conversion of colours to grey values for the stored edges; None without edges or colours."""
         with self._naming_damage():
             return read_projection(self._entry)
 
     def correction(self) -> FieldCorrection | None:
-        """Return the correction of frames by the stored dark frame and flat field; None if neither image is stored.
+        """Return the correction of frames by the stored dark frame (without light) and flat field (without the beam).
 
-        The dark frame was taken without light. The flat field shows the back-light without the beam.
+        The result is None if neither image is stored.
         """
         with self._naming_damage():
             return correction_by(stored_correction(self._entry))
 
     def points(self) -> tuple[TrackedPoints, ...]:
-        """Return the tracked points of every state (load step). Raises ValueError for a dataset of frames."""
+        """Return the tracked points of every load step. Raises ValueError for a dataset of frames."""
         if self.kind != "points":
             raise ValueError(
                 f"{self.path} holds frames of a camera and no tracked points; `edges()` gives the edges in the frames"
@@ -359,18 +325,15 @@ class Dataset:
             return read_points(self._entry, len(self.states))
 
     def upright(self, points_mm: ArrayLike) -> NDArray[np.float64]:
-        """Rotate points from the beam frame into the orientation in which the camera sees the beam, to plot them.
+        """Convert points (x along the straight beam, y across it) into points (right, up) of the camera's picture.
 
-        The argument has the shape (..., 2). Its last axis contains the coordinates x (along the straight beam from the
-        clamp) and y (across the beam), mm. The last axis of the result contains the coordinates to the right and up,
-        mm. A dataset of tracked points has no camera: gravity then points down, and without gravity the points are not
-        rotated.
+        Points have the shape (..., 2), mm. Without a camera, gravity points down.
         """
         rotation = turn(self.calibration, self.gravity_angle_deg if self.gravity else None)
         return np.asarray(np.asarray(points_mm, dtype=float) @ rotation.T)
 
     def plot(self) -> Any:
-        """Return a matplotlib figure with the edges or the tracked points of all states (load steps).
+        """Return a matplotlib figure with the edges or the tracked points of all load steps.
 
         Raises InputError for a dataset of frames that has no edges yet.
         """
@@ -402,7 +365,7 @@ class Dataset:
         return html_table(caption, ("state", "field, mT", "tip force, N", "flags"), rows)
 
     def to_xarray(self) -> Any:
-        """Return the edges or the tracked points of all states (load steps) as an xarray.Dataset.
+        """Return the edges or the tracked points of all load steps as an xarray.Dataset.
 
         Raises InputError for a dataset of frames that has no edges yet, and ImportError if xarray is not installed.
         """
@@ -412,10 +375,7 @@ class Dataset:
         return labelled_edges(self.states, self._edges_or_refusal(), attributes)
 
     def truth(self) -> dict[str, Any] | None:
-        """Return the true materials of a virtual rig; None for a real rig or an import.
-
-        The true materials serve only to judge the results of fits. A fit must not read them.
-        """
+        """Return the true materials of a virtual rig, which only judge fits; None for a real rig or an import."""
         with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
 

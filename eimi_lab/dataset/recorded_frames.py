@@ -1,4 +1,4 @@
-"""Frames of a free oscillation (ring-down) or of creep, read from the file one at a time to save memory."""
+"""Frames of a free oscillation or of creep, read from the file one at a time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eimi_lab.dataset.steps import SET_POINTS, RingDownStep, read_steps
 
 
 class RecordedFrames:
-    """The n frames of one ring-down (free oscillation), or of the creep in one load step, in the order of time.
+    """The n frames of one free oscillation, or of the creep in one load step, in the order of time.
 
     Parameters
     ----------
@@ -27,8 +27,7 @@ class RecordedFrames:
     Attributes
     ----------
     time_s, elapsed_s, set_A : ndarray, shape (n,)
-        For each frame: time on the clock of the run (s), time since the last change of the current (s), and set-point
-        of the current (A).
+        Time on the clock of the run (s), time since the last change of the current (s), and set current (A).
     numbers : ndarray of int, shape (n,)
         Numbers that the camera gave to the frames.
     """
@@ -43,29 +42,20 @@ class RecordedFrames:
         return len(self._rows)
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Yield the recorded frames one at a time.
-
-        A frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red. HDF5
-        raises OSError for a damaged frame.
-        """
+        """Yield the frames one at a time, shape (H, W) or (H, W, 3: blue, green, red). OSError for a damaged frame."""
         for row in self._rows.tolist():
             yield to_stored(self._frames[row])
 
 
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-    """Return the step of the current and the frames of each recorded ring-down; empty if there are none.
-
-    In a ring-down the current steps to zero and the beam swings freely. A file of an early version contains one
-    ring-down, in the group `release`, without the data of the step. The current before this step is then assumed to be
-    the last current of the run. For the standard uncertainty of the time of the step, the interval between two frames
-    is used.
+    """Return, for each free oscillation, the step of the current to zero before it and the frames; empty if none.
 
     Parameters
     ----------
     entry : h5py.Group
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     states : int
-        Number of completely stored states (load steps).
+        Number of completely stored load steps.
     """
     if RELEASE in entry:
         rows = complete_rows(entry, RELEASE, states)
@@ -86,19 +76,19 @@ def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownS
 
 
 def creep_frames(entry: h5py.Group, states: int, state: int) -> RecordedFrames | None:
-    """Return the frames that record creep: from the change of the current to the end of one state (load step).
+    """Return the frames that record creep: from the change of the current to the end of one load step.
 
     Parameters
     ----------
     entry : h5py.Group
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     states, state : int
-        Number of completely stored states, and the number of this state, from 0.
+        Number of completely stored load steps, and the number of this load step, from 0.
 
     Returns
     -------
     RecordedFrames or None
-        The frames; None if the run stored no set-points, or no frames of this kind for the state.
+        The frames; None if the run stored no set-points or no such frames.
     """
     if TRANSIENTS not in entry or SET_POINTS not in entry:
         return None

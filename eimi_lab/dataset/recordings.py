@@ -1,15 +1,7 @@
-"""Recordings: frames that a run takes in addition to the frames of the states (load steps), in the order of time.
+"""Recordings: series of frames that a run takes in addition to the frames of the load steps.
 
-A dataset has up to four recordings. Each is one NXdata in the file:
-
-    transients      frames while the beam settles or creeps in a state
-    ring_down       frames after steps of the current to zero, at the full rate of the camera
-    release         frames after the step of the current to zero in a run of an early version
-    conditioning    frames of the first and the last load cycle before the run (conditioning)
-
-HDF5's single-writer-multiple-reader mode does not allow new groups in an open file. Therefore each recording has only
-one group, which is created together with the file. One of its columns gives the state, the load cycle or the ring-down
-to which each frame belongs. The column `time` is written last: after a crash, a row without a time is incomplete.
+The groups of the file are: transients (settling, creep), ring_down (free oscillation), release (the same in early
+versions) and conditioning (load cycles before the run). A row without a value in the column `time` is incomplete.
 """
 
 from __future__ import annotations
@@ -28,6 +20,9 @@ from eimi_lab.dataset.frame_chunk import append_image
 from eimi_lab.dataset.layout import append, columns, frame_stack, group
 from eimi_lab.process.limits import refuse_unpacked
 
+# In HDF5's single-writer-multiple-reader mode, an open file gets no new groups. Each recording therefore has only one
+# group, created together with the file. The column `time` is written last: after a crash, a row without a time is
+# incomplete.
 TRANSIENTS, RELEASE, CONDITIONING, RING_DOWN = "transients", "release", "conditioning", "ring_down"
 BELONGS_TO = {TRANSIENTS: "state", RELEASE: "state", CONDITIONING: "cycle", RING_DOWN: "ring_down"}
 """For each recording, the name of the column that gives the state, the cycle or the ring-down of each frame."""
@@ -65,14 +60,14 @@ class Moment:
 
 @dataclass(frozen=True)
 class Recording:
-    """The frames of a recording, such as the frames while the beam settles, in the order of time.
+    """The n frames of a recording, such as the frames while the beam settles, in the order of time.
 
     Parameters
     ----------
     images
-        The n frames of H rows and W columns: (n, H, W), or (n, H, W, 3) with the colours blue, green, red.
+        The frames, shape (n, H, W) or (n, H, W, 3: blue, green, red).
     belongs_to
-        (n,) for each frame, the number of the load step, load cycle or free oscillation to which it belongs.
+        (n,) number of the load step, load cycle or free oscillation of each frame.
     time_s, elapsed_s
         (n,) time on the clock of the run, and time since the last change of the set-point, s.
     set_A
@@ -87,11 +82,7 @@ class Recording:
 
 
 def planned(protocol: Protocol | None) -> tuple[str, ...]:
-    """Return the names of the recordings for which a protocol asks.
-
-    A recording is a series of frames in addition to the frames of the load steps. The result is empty for an import,
-    which has no protocol.
-    """
+    """Return the names of the recordings (frames beside those of the load steps) for which a protocol asks."""
     if protocol is None:
         return ()
     is_planned = {
@@ -104,14 +95,12 @@ def planned(protocol: Protocol | None) -> tuple[str, ...]:
 
 
 def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]) -> None:
-    """Create the HDF5 groups of empty recordings in a new dataset.
-
-    A recording is a series of frames in addition to the frames of the load steps.
+    """Create the HDF5 groups of empty recordings (frames beside those of the load steps) in a new dataset.
 
     Parameters
     ----------
     entry
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     names
         Names of the recordings.
     image
@@ -125,6 +114,7 @@ def make_recordings(entry: h5py.Group, names: Sequence[str], image: NDArray[Any]
         columns(store, {BELONGS_TO[name]: ("i8", None), **COLUMNS})
 
 
+# The caller keeps the arrays of `store` open: HDF5 reports no error (such as a full disk) when an array is closed.
 def append_moments(
     recording: str,
     store: Mapping[str, h5py.Dataset],
@@ -133,25 +123,22 @@ def append_moments(
     moments: Sequence[Moment],
     beat: Callable[[], None],
 ) -> None:
-    """Append frames to a recording, a series of frames in addition to the frames of the load steps.
-
-    The file stays readable if the program crashes meanwhile.
+    """Append frames to a recording (frames beside those of the load steps). A crash leaves the file readable.
 
     Parameters
     ----------
     recording
         Name of the recording.
     store
-        The HDF5 arrays of the recording (its frames and columns), by name. The caller must keep these objects open:
-        HDF5 does not report an error, such as a full disk, that occurs when an array is closed.
+        The HDF5 arrays of the recording, by name.
     images
-        The n frames, shape (n, H, W) or (n, H, W, 3) with H rows and W columns, with the colours red, green, blue.
+        The frames, shape (n, H, W) or (n, H, W, 3: red, green, blue).
     belongs_to
-        For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
+        Number of the load step, load cycle or free oscillation of each frame.
     moments
         Times and set-point of each frame.
     beat
-        Function that is called after every frame, to show that the run proceeds.
+        Function that is called after every frame.
     """
     for image in images:
         append_image(store["frames"], image)
@@ -163,7 +150,7 @@ def append_moments(
 def append_times(
     recording: str, store: Mapping[str, h5py.Dataset], belongs_to: Sequence[int], moments: Sequence[Moment]
 ) -> None:
-    """Append the rows of a recording (a series of frames) for frames whose images are already in the file.
+    """Append the rows of a recording (series of frames) for frames whose images are already in the file.
 
     Parameters
     ----------
@@ -172,9 +159,9 @@ def append_times(
     store
         The columns of the recording in the file, by name.
     belongs_to
-        For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
+        Number of the load step, load cycle or free oscillation of each frame.
     moments
-        For each frame, its times and the set-point of the current.
+        Times and set-point of each frame.
     """
     rows: dict[str, Sequence[float]] = {
         BELONGS_TO[recording]: belongs_to,
@@ -190,23 +177,23 @@ def append_times(
 
 
 def read_recording(entry: h5py.Group, name: str, states: int, only: int | None = None) -> Recording | None:
-    """Read the frames of a recording, a series of frames in addition to the frames of the load steps.
+    """Read the frames of a recording (frames beside those of the load steps).
 
     Parameters
     ----------
     entry
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     name
         Name of the recording, such as "ring_down".
     states
-        Number of completely stored states (load steps). Frames of later states are not read.
+        Number of completely stored load steps; frames of later load steps are not read.
     only
-        Number of the load step, load cycle or free oscillation whose frames are read; None to read all frames.
+        Number of one load step, load cycle or free oscillation; None for all frames.
 
     Returns
     -------
     Recording or None
-        The frames; None if the file does not contain the recording or the requested frames.
+        The frames; None if the file does not contain them.
 
     Raises
     ------
@@ -236,19 +223,16 @@ def read_recording(entry: h5py.Group, name: str, states: int, only: int | None =
 
 
 def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64]:
-    """Return the numbers of the complete rows of a recording: rows with a stored frame and a value in every column.
-
-    A recording is a series of frames, one for each row. After a crash, the last rows may be incomplete. Rows of states
-    (load steps) that were not stored completely are left out too.
+    """Return the numbers of the rows of a recording (series of frames) that were stored completely before a crash.
 
     Parameters
     ----------
     entry
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     name
         Name of the recording.
     states
-        Number of completely stored states.
+        Number of completely stored load steps; rows of later load steps are left out.
     """
     store = entry[name]
     rows = np.arange(min(len(store[column]) for column in ("frames", BELONGS_TO[name], *COLUMNS)))
@@ -256,9 +240,9 @@ def complete_rows(entry: h5py.Group, name: str, states: int) -> NDArray[np.int64
 
 
 def keep_rows(entry: h5py.Group, name: str, rows: NDArray[np.int64]) -> None:
-    """Remove all rows of a recording (a series of frames) except ``rows``, which must be in increasing order.
+    """Remove all rows of a recording (series of frames) except ``rows``, which must be in increasing order.
 
-    ``entry`` is the HDF5 group with the whole dataset, and ``name`` is the name of the recording.
+    ``entry`` is the HDF5 group that contains the whole dataset, and ``name`` is the name of the recording.
     """
     store = entry[name]
     for place, row in enumerate(rows):

@@ -1,8 +1,6 @@
 """Recover a crashed or damaged dataset: copy everything readable to a new file.
 
-HDF5 may run forever when it reads a damaged file (for example, if an object in a global heap has the size 0). Therefore
-a second process reads the file, with limits of processor time and memory. Processor time is limited instead of elapsed
-time, because an undamaged file on a slow computer would otherwise look damaged.
+A second process reads the file with limits of processor time and memory, because HDF5 may never return.
 """
 
 from __future__ import annotations
@@ -48,11 +46,10 @@ HDF5_RAISES = (OSError, RuntimeError, KeyError, ValueError, TypeError)
 
 
 def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Callable[[str], None] = tell) -> int:
-    """Copy everything readable of a crashed or damaged dataset to a new file.
+    """Copy everything readable of a crashed or damaged dataset to a new file, and return the number of load steps.
 
-    Single flipped bits are corrected with the help of HDF5's checksums. Every frame of the copy is tested. Damaged
-    frames are left out, and the states (load steps) of these frames get the flag DROPPED (frames are missing). If all
-    frames of a state are damaged, the state gets one black frame, so that the numbers of later states do not change.
+    Single flipped bits are corrected. Damaged frames are left out, and their load steps get the flag DROPPED; if all
+    frames of a load step are damaged, it gets one black frame.
 
     Parameters
     ----------
@@ -64,11 +61,6 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
         Whether an existing file is overwritten.
     say
         Function that gets a line of text for everything that was corrected or lost.
-
-    Returns
-    -------
-    int
-        The number of recovered states.
 
     Raises
     ------
@@ -97,12 +89,12 @@ def recover(crashed: str | Path, path: str | Path, force: bool = False, say: Cal
 def copy_readable(crashed: Path, path: Path) -> tuple[int, list[str]]:
     """Copy everything readable of the dataset ``crashed`` to the file ``path``, which is overwritten.
 
-    For some damaged files HDF5 never returns. Therefore call this function in a process with limited processor time.
+    For some damaged files HDF5 never returns: call this function in a process with limited processor time.
 
     Returns
     -------
     states, lines
-        The number of recovered states, and a line of text for everything that was corrected or lost.
+        The number of recovered load steps, and a line of text for everything that was corrected or lost.
 
     Raises
     ------
@@ -148,10 +140,7 @@ def _attempt(file: MendedFile, crashed: Path, path: Path) -> tuple[int, list[str
 
 
 def _comes_from_hdf5(error: BaseException) -> bool:
-    """Return whether the library h5py raised an error.
-
-    The error then means that the file is damaged. An error that was raised elsewhere is a fault of this program.
-    """
+    """Return whether the library h5py raised an error, which means that the file is damaged."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return "h5py" in Path(frame.f_code.co_filename).parts
 
@@ -201,17 +190,9 @@ def _copy(source: h5py.File, crashed: Path, path: Path) -> tuple[int, list[str]]
 
 
 def _copy_group(source: h5py.Group, copy: h5py.Group, lost: list[str], copied: dict[int, str]) -> None:
-    """Copy everything readable in an HDF5 group, with its subgroups.
+    """Copy everything readable in an HDF5 group, with its subgroups, and add unreadable names to ``lost``.
 
-    Parameters
-    ----------
-    source, copy
-        The group to copy, and the new group.
-    lost
-        List to which the names of unreadable members are added.
-    copied
-        Maps the address of each copied object in the old file to its name in the new file. An object with two names in
-        the old file is therefore copied only once, and has two names in the new file too.
+    ``copied`` maps the address of each copied object in the old file to its name in the new file.
     """
     _copy_attributes(source, copy, lost)
     for name in source:
@@ -248,13 +229,7 @@ def _copy_attributes(source: h5py.Group, copy: h5py.Group, lost: list[str]) -> N
 
 
 def _rebuild_states(entry: h5py.Group) -> list[str]:
-    """Restore damaged columns of the table of states (load steps), and return a line of text for each restored column.
-
-    The table of frames contains the current and the field of every state, from which the columns are restored. Tip
-    forces and flags (defects) are only in the damaged table: the forces become 0, and the flags are lost. If the table
-    of frames is damaged too, the error of HDF5 is raised. ``entry`` is the HDF5 group with the whole dataset in the new
-    file.
-    """
+    """Restore damaged columns of the table of load steps, and return a line of text for each restored column."""
     if "frames" not in entry["data"] or "states" not in entry:
         return []
     damaged = [name for name in STATE_COLUMNS if not _readable(entry["states"], name)]
@@ -278,10 +253,7 @@ def _rebuild_states(entry: h5py.Group) -> list[str]:
 
 
 def _readable(parent: h5py.Group | h5py.Dataset, part: str | int) -> bool:
-    """Return whether HDF5 can read one column of a table, or one frame of an array of frames.
-
-    ``parent`` is the table or the array. ``part`` is the name of the column, or the number of the frame in the array.
-    """
+    """Return whether HDF5 can read a part of a table (column name) or of an array of frames (frame number)."""
     try:
         return len(parent[part][()]) >= 0
     except HDF5_RAISES:
@@ -300,11 +272,7 @@ def _drop_unacknowledged(entry: h5py.Group, states: int) -> None:
 
 
 def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
-    """Remove incomplete and damaged frames from every recording of a dataset.
-
-    A recording is a series of frames in addition to the frames of the states (load steps). ``states`` is the number of
-    complete states. Returned is a line of text for each damaged recording.
-    """
+    """Remove damaged frames from every recording, and return a line of text for each damaged recording."""
     lines = []
     for name in sorted(BELONGS_TO.keys() & entry.keys()):
         try:
@@ -321,11 +289,7 @@ def _drop_unreadable(entry: h5py.Group, states: int) -> list[str]:
 
 
 def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
-    """Remove damaged frames from a dataset, and return the numbers of the states (load steps) of these frames.
-
-    The states get the flag (name of a defect) DROPPED. ``damaged`` contains the row numbers of the damaged frames in
-    the array of all frames. A state whose frames are all damaged gets one black frame.
-    """
+    """Remove damaged frames, given by row number, from a dataset, and return the numbers of their load steps."""
     data, flags = entry["data"], entry["states/flags"]
     of_state = data["state"][()]
     sound = np.ones(len(of_state), dtype=bool)
@@ -352,10 +316,7 @@ def _drop_damaged(entry: h5py.Group, damaged: Sequence[int]) -> list[int]:
 
 
 def _main(crashed: Path, path: Path, within_s: str) -> None:
-    """Copy a dataset with limits of memory and processor time, and print the result as JSON on standard output.
-
-    ``within_s`` is the limit of the processor time in s. The limits apply to this process.
-    """
+    """Copy a dataset with limits of memory and processor time (s), and print the result as JSON."""
     obey_processor_limit(within_s)
     limit_memory(MEMORY_BYTES + crashed.stat().st_size)  # the file itself is mapped into memory
     try:

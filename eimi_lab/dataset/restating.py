@@ -1,9 +1,4 @@
-"""Correct the specimen or the calibration of a finished dataset.
-
-The dataset keeps the replaced texts. The edges are removed, because they were found with the replaced specimen or
-calibration. If the coil constant changes, all stored fields are multiplied by the ratio of the new coil constant to the
-old coil constant.
-"""
+"""Correct the specimen or the calibration of a finished dataset. The replaced texts are kept, the edges removed."""
 
 from __future__ import annotations
 
@@ -30,29 +25,23 @@ _LARGEST_TEXTS_BYTES = 1 << 16
 def restate(
     path: Path, *, specimen: str | None = None, calibration: Path | None = None, changes: Changes | None = None
 ) -> tuple[str, ...]:
-    """Replace the specimen or the calibration in a dataset of frames, and remove the edges.
+    """Replace the specimen or the calibration in a dataset of frames, and return a line of text for each changed key.
 
-    If no value changes, the dataset is not written.
+    A change removes the edges. If the coil constant changes, the stored fields change by the same factor.
 
     Parameters
     ----------
     path
         The dataset.
     specimen, calibration
-        The new files; None to keep the stored specimen or calibration. A new calibration may leave out the place and
-        the direction of the beam, which then keep their stored values.
+        The new files; None to keep the stored text. A new calibration may leave out position and direction of the beam.
     changes
-        New values for keys of the calibration. They have priority over the values of the file ``calibration``.
-
-    Returns
-    -------
-    tuple of str
-        One line of text for each key whose value changed.
+        New values for keys of the calibration, with priority over the file ``calibration``.
 
     Raises
     ------
     InputError
-        If the dataset holds tracked points, or if the new files do not suit the dataset; the message names the key.
+        If the dataset holds tracked points, or if the new files do not suit the dataset.
     """
     with open_dataset(path) as dataset:
         if dataset.calibration is None:
@@ -101,11 +90,9 @@ def _calibration(dataset: Dataset, present: Calibration, file: Path | None, chan
 
 
 def _field_factor(dataset: Dataset, before: Calibration, after: Calibration, file: Path | None) -> float:
-    """Return the factor by which all stored fields change: the new coil constant divided by the stored coil constant.
+    """Return the ratio of the new coil constant to the stored coil constant.
 
-    ``before`` and ``after`` are the stored and the new calibration, and ``file`` is the new calibration file. An
-    imported dataset may contain fields that were not computed from currents. For such a dataset, a new coil constant
-    raises InputError.
+    Raises InputError if the constant changes in an imported dataset, whose fields may not come from currents.
     """
     if not after.mT_per_A and not any(state.field_mT for state in dataset.states):
         return 1.0

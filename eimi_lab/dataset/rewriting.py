@@ -21,17 +21,16 @@ HEADERS_BYTES = 1 << 14
 
 @contextmanager
 def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
-    """Open a copy of a dataset for changes in a ``with`` statement, and yield the group `entry` of the copy.
+    """Open a copy of a dataset for changes in a ``with`` statement, and yield the copy's group `entry`.
 
-    At the end of the with statement the copy replaces the dataset. After an error, the dataset stays unchanged.
+    At the end, the copy replaces the dataset. After an error, the dataset stays unchanged.
 
     Parameters
     ----------
     path
         The dataset.
     content_bytes
-        Number of bytes that will be written. This space is reserved on the disk in advance, because HDF5 may crash the
-        program if the disk becomes full.
+        Number of bytes to be written, for which space is reserved.
 
     Raises
     ------
@@ -55,10 +54,8 @@ def rewritten(path: Path, content_bytes: int = 0) -> Iterator[h5py.Group]:
 
 
 def _make_room(file: Path, size: int) -> None:
-    """Lengthen a file to ``size`` bytes, so that this space on the disk is reserved. HDF5 removes unused bytes later.
-
-    On an operating system that cannot reserve space, the file is not changed.
-    """
+    """Reserve space on the disk for a file of ``size`` bytes, if the operating system can do so."""
+    # HDF5 may crash the program on a full disk; it removes unused bytes later
     if hasattr(os, "posix_fallocate"):
         with patiently(lambda: file.open("r+b")) as opened:
             os.posix_fallocate(opened.fileno(), 0, size)

@@ -1,4 +1,4 @@
-"""Find and store the edges of the beam in every state (load step), and write them as tables and pictures."""
+"""Find and store the edges of the beam in every load step, and write them as tables and pictures."""
 
 from __future__ import annotations
 
@@ -43,28 +43,18 @@ Workers = Callable[[], AbstractContextManager[Executor]]
 
 
 def segment(path: Path, report: Callable[[str], None], executor: Workers | None = None) -> tuple[EdgeSet, ...]:
-    """Find the edges of every state (load step) and store them in the dataset.
+    """Find the edges of every load step, store them in the dataset, and return them.
 
-    The frames of a state are averaged and corrected by the stored dark frame and flat field. The flags (defects) of a
-    state are the flags of the run (such as NOT_SETTLED: the beam still moved), followed by the flags of the image.
-
-    If free oscillations or creep were recorded, the beam is also found in every frame of these recordings, and the
-    motion of the beam is stored.
+    If free oscillations or creep were recorded, the motion of the beam is also measured and stored.
 
     Parameters
     ----------
     path
         The dataset.
     report
-        Function that gets a line of text for each state.
+        Function that gets a line of text for each load step.
     executor
-        Function that creates an executor with several worker processes (`workers.executor_for`); None to compute in
-        this process. The edges do not depend on the number of workers.
-
-    Returns
-    -------
-    tuple of EdgeSet
-        The edges of each state.
+        Function that creates an executor with worker processes (`workers.executor_for`); None to use this process.
 
     Raises
     ------
@@ -87,10 +77,7 @@ def segment(path: Path, report: Callable[[str], None], executor: Workers | None 
 
 
 class Frames:
-    """The mean image of each state (load step) of a dataset, corrected by a dark frame and a flat field.
-
-    A dark frame is taken without light. A flat field shows the back-light without the beam.
-    """
+    """The mean image of each load step, corrected by the dark frame (no light) and the flat field (no beam)."""
 
     def __init__(self, dataset: Dataset) -> None:
         """Read the images for the correction of frames. Raises InputError for a dataset of tracked points."""
@@ -100,15 +87,12 @@ class Frames:
         self._correction = dataset.correction()
 
     def mean(self, index: int) -> NDArray[np.float32]:
-        """Return the corrected mean of the frames of a state (load step), of H rows and W columns.
-
-        The shape is (H, W), or (H, W, 3) for frames with colours.
-        """
+        """Return the corrected mean of the frames of a load step, shape (H, W), or (H, W, 3) with colours."""
         image = state_mean(self.dataset.each_image(index))
         return image if self._correction is None else self._correction.apply(image)
 
     def projection(self) -> Projection | None:
-        """Return the projection from colours to grey values that suits all frames; None for frames without colours."""
+        """Return the conversion of colours to grey values for all frames; None for frames without colours."""
         if len(self.dataset.frame_format()[0]) == 2:
             return None
         beam = self.dataset.specimen.specimen
@@ -151,12 +135,9 @@ def _find_all(
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Correct the flags for a wrong position of the clamp in all states (load steps), and return the edges.
+    """Return the edges of all load steps, with the flags for a wrong clamp position corrected.
 
-    A flag is the record of a failed quality check. The check of the clamp's position extrapolates the edges to the line
-    at which the beam leaves its clamp. If the beam is strongly curved there, the extrapolation is wrong by tenths of a
-    millimetre, and the flag may be false. Therefore only the state in which the beam is straightest decides: its flag
-    replaces the flags of strongly bent states, and without such a flag their flags are removed.
+    Strong curvature at the clamp makes the check inaccurate. The load step with the straightest beam therefore decides.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -176,20 +157,16 @@ def _is_clamp_offset(flag: Flag) -> bool:
 
 
 def _in_words(flags: Sequence[Flag]) -> str:
-    """Return a text with the names of the flags (defects) of a state (load step).
-
-    Flags that do not affect a fit are listed at the end, as notes.
-    """
+    """Return a text with the flags (defects) of a load step. Flags that do not affect a fit come last."""
     notes = [flag.name for flag in flags if flag.severity is Severity.NOTE]
     names = ", ".join(flag.name for flag in flags if flag.severity is not Severity.NOTE) or "no flags"
     return f"{names}; notes: {', '.join(notes)}" if notes else names
 
 
 def _clicked_mm(calibration: Calibration) -> NDArray[np.float64] | None:
-    """Return the n points along the beam that the user clicked, shape (n, 2), in mm in the beam frame.
+    """Return the n points that the user clicked on the beam, mm, shape (n, 2); None if there are none.
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The points are stored in
-    the calibration. None is returned if the calibration contains no clicked points.
+    x runs along the straight beam from the clamp, and y across it.
     """
     if calibration.picture is None or calibration.picture.along_px is None:
         return None
@@ -203,11 +180,7 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each state (load step) in the order of the states, found by worker processes.
-
-    A worker searches each state alone. If several bodies in its image may be the beam, an earlier state has to decide,
-    and None is yielded for this state. Without an executor, None is yielded for every state.
-    """
+    """Yield the edges of each load step, found by worker processes; None where an earlier load step has to decide."""
     states = range(len(dataset.states))
     if executor is None:
         yield from (None for _ in states)
@@ -228,21 +201,21 @@ def _found_by_workers(
 
 
 def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet | None:
-    """Find the edges of one state (load step) without knowledge of other states.
+    """Find the edges of one load step without knowledge of other load steps.
 
     Parameters
     ----------
     path
         The dataset.
     index
-        Number of the state, from 0.
+        Number of the load step, from 0.
     projection
-        The projection from colours to grey values; None for frames without colours.
+        Conversion of colours to grey values; None for frames without colours.
 
     Returns
     -------
     EdgeSet or None
-        The edges; None if several bodies may be the beam, so that an earlier state has to decide.
+        The edges; None if several bodies may be the beam.
 
     Raises
     ------
@@ -261,17 +234,13 @@ def find_alone(path: Path, index: int, projection: Projection | None) -> EdgeSet
 
 @lru_cache(maxsize=1)
 def _frames_of(path: Path) -> Frames:
-    """Open a dataset and return the mean images of its states (load steps); a second call returns the same object.
-
-    A worker process, which searches the edges of many states, therefore opens the dataset only once.
-    """
+    """Return the mean images of a dataset; a second call in a process returns the same object."""
     return Frames(open_dataset(path))
 
 
 def edges_of_state(dataset: Dataset, index: int) -> EdgeSet:
-    """Return the stored edges of one state (load step); if the dataset has no edges, find the edges of the state.
+    """Return the stored edges of one load step; if the dataset has no edges, find them without storing them.
 
-    New edges are not stored. An earlier state, which could help to distinguish the beam from other bodies, is not used.
     Raises InputError if the frames cannot be read.
     """
     stored = dataset.edges()
@@ -290,26 +259,10 @@ def _edges_in(
     expected_mm: NDArray[np.float64] | None = None,
     between_mm: NDArray[np.float64] | None = None,
 ) -> EdgeSet:
-    """Find the edges in the mean image of a state (load step), within the region of interest of the calibration.
+    """Find the edges in the mean image of a load step.
 
-    The flags (names of defects) in the result are those that the search found in the image. The flags that the dataset
-    already contains from the run are not added.
-
-    Parameters
-    ----------
-    frames
-        The mean images of the dataset.
-    index
-        Number of the state, from 0.
-    projection
-        The projection from colours to grey values; None for frames without colours.
-    earlier
-        Function that returns the edges of an earlier state. It is called only if several bodies may be the beam.
-    expected_mm
-        (n, 2) x and y of n points on the expected middle line of the beam, in mm in the beam frame (x along the
-        straight beam from the clamp, y across); None if the line is unknown.
-    between_mm
-        (m, 2) x and y of m points on a second line, mm, if the beam is expected between this line and the first line.
+    ``earlier`` returns the edges of an earlier load step, if several bodies may be the beam. The middle line is
+    expected at ``expected_mm`` (n, 2), mm, or between this line and ``between_mm`` (m, 2), mm.
     """
     image, calibration, dataset = frames.mean(index), frames.calibration, frames.dataset
     region = region_of(calibration, image.shape)
@@ -327,16 +280,14 @@ def _edges_in(
 
 
 def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
-    """Explain to the user why no beam was found in a state (load step).
+    """Explain to the user why no beam was found in a load step.
 
     Returns
     -------
     advice : str
         A text with the probable cause.
     picture : bytes
-        A PNG image of the first frame of the state, with rulers in pixels. The straight beam is drawn at its position
-        according to calibration and specimen. If the text suggests another value in the calibration, the edges that are
-        found with this value are drawn in green.
+        A PNG image of the first frame, with rulers in pixels and the straight beam at its expected position.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
@@ -351,10 +302,10 @@ def explain_missing_beam(path: Path, index: int) -> tuple[str, bytes]:
 
 
 def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write the edges of every state (load step) as two tables, and the flags (failed quality checks) as JSON.
+    """Write the edges of every load step as two tables, and the flags (failed quality checks) as JSON.
 
-    The tables are ``step_00_left.csv``, ``step_00_right.csv``, …. The columns are x_mm, y_mm and sigma_mm. The first
-    row is at the clamp and the last row at the tip. The flags are in ``quality.json``.
+    The tables ``step_00_left.csv``, ``step_00_right.csv``, … have the columns x_mm, y_mm and sigma_mm. Rows go from the
+    clamp to the tip. The flags are in ``quality.json``.
     """
     for index, edge_set in enumerate(edge_sets):
         for side in ("left", "right"):
@@ -376,10 +327,9 @@ def write_csv(folder: Path, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> None:
-    """Write a picture of the mean frame with the edges for each state (load step), and a contact sheet of all pictures.
+    """Write a picture of the mean frame with the edges for each load step, and one overview of all pictures.
 
-    The files are ``step_00.png``, …, and ``contact_sheet.png``. If no edges were found in a state, the picture shows
-    how far the beam was followed from the clamp.
+    The files are ``step_00.png``, …, and ``contact_sheet.png``.
     """
     small: list[NDArray[np.uint8]] = []
     captions = []
@@ -399,9 +349,9 @@ def write_overlays(folder: Path, path: Path, edge_sets: Sequence[EdgeSet]) -> No
 
 
 def write_explained(folder: Path, path: Path) -> None:
-    """Write pictures of the steps in which the beam of each state (load step) was followed from the clamp to the tip.
+    """Write pictures that show, for each load step, how the beam was followed from the clamp to the tip.
 
-    The name of a file contains the state and the step, for example ``step_00_strip.png``.
+    The name of a file contains the load step and the stage, for example ``step_00_strip.png``.
     """
     with open_dataset(path) as dataset:
         frames = Frames(dataset)
@@ -411,10 +361,7 @@ def write_explained(folder: Path, path: Path) -> None:
 
 
 def _followed(frames: Frames, image: NDArray[np.float32]) -> FollowedBeam:
-    """Follow the beam from the clamp to the tip in the mean image of one state (load step), and return the result.
-
-    The coordinates of the result are pixels of the whole picture, even if the calibration has a region of interest.
-    """
+    """Follow the beam from the clamp to the tip in a mean image; the result is in pixels of the whole picture."""
     dataset = frames.dataset
     region = region_of(frames.calibration, image.shape)
     projection = dataset.projection()

@@ -1,7 +1,7 @@
 """Store and read the readings of sensors in a dataset.
 
-The group entry/sample/environment (NXenvironment) has an NXsensor for each sensor. The log in this NXsensor has one row
-for each frame (https://manual.nexusformat.org/classes/base_classes/NXsensor.html).
+The group entry/sample/environment has an NXsensor for each sensor, with one row for each frame
+(https://manual.nexusformat.org/classes/base_classes/NXsensor.html).
 """
 
 from __future__ import annotations
@@ -26,17 +26,16 @@ LOG_COLUMNS = ("time", "value", "value_errors")
 
 
 def rows_of(name: str, sensed: Sequence[Mapping[str, SensorReading]], frames: int) -> dict[str, list[float]]:
-    """Return the rows that one state (load step) adds to the log of a sensor: one value for each frame, by column.
+    """Return the rows that one load step adds to the log of a sensor: one value for each frame, by column.
 
     Parameters
     ----------
     name
         Name of the sensor.
     sensed
-        For each frame, the readings of all sensors by name, with times on the clock of the run; empty if no sensor was
-        read during the state.
+        For each frame, the readings of all sensors by name; empty if no sensor was read.
     frames
-        Number of frames of the state.
+        Number of frames of the load step.
     """
     rows: dict[str, list[float]] = {column: [] for column in LOG_COLUMNS}
     for readings in sensed or [{}] * frames:
@@ -82,10 +81,7 @@ def make_sensor_logs(entry: h5py.Group, sensors: Sequence[LoggedSensor]) -> None
 
 
 def read_sensor_logs(entry: h5py.Group, states: int) -> tuple[SensorLog, ...]:
-    """Return the readings of all sensors of a dataset; empty if the run had no sensors.
-
-    ``states`` is the number of completely stored states (load steps). Readings of later states are left out.
-    """
+    """Return the readings of all sensors in the first ``states`` load steps; empty if the run had no sensors."""
     logs = []
     for name in sensor_names(entry):
         place = entry[PLACE][name]

@@ -1,4 +1,4 @@
-"""One state (load step) of the specimen: its loads and its flags (defects), as read from a dataset."""
+"""One load step of the specimen: its loads and its flags (defects), as read from a dataset."""
 
 from __future__ import annotations
 
@@ -9,30 +9,26 @@ from eimi_lab.vision.check import Flag
 
 @dataclass(frozen=True)
 class State:
-    """One state (load step) of the specimen: its loads and its flags, which are the names of its defects.
+    """One load step of the specimen: its loads and its flags (names of defects).
 
     Parameters
     ----------
     index
-        Number of the state, from 0.
+        Number of the load step, from 0.
     current_A, measured_A
-        The set-point of the coil current, and the mean of the currents that were measured in the state, A; each is None
-        if unknown.
+        Set current, and mean of the measured currents, A; None if unknown.
     field_mT
         Field at the magnet, mT.
     tip_force_N
         Force at the tip, N.
     flags
-        Defects that were found during the run or the import. The defects that the search for edges finds are stored
-        with the edges.
+        Defects that were found during the run or the import.
     tip_force_angle_deg
-        Direction of the tip force in the beam frame (x along the straight beam from the clamp, y across), degrees from
-        +x toward +y; None for the direction of gravity.
+        Direction of the tip force, degrees from +x (along the straight beam) toward +y (across); None for gravity's.
     field_sigma_mT
-        Standard uncertainty of a field that was measured in this state, mT; None if the field was computed from the
-        current.
+        Standard uncertainty of the measured field, mT; None if the field was computed from the current.
     temperature_degC
-        Measured temperature of the specimen, °C; None if the temperature was not measured.
+        Measured temperature of the specimen, °C; None if not measured.
     """
 
     index: int

@@ -1,4 +1,4 @@
-"""Read the loads of each state (load step) from the table of states, states.csv."""
+"""Read the loads of each load step from the table of load steps, states.csv."""
 
 from __future__ import annotations
 
@@ -49,20 +49,20 @@ ABSOLUTE_ZERO_DEGC = -273.15
 
 
 def load_of(row: Row, calibration: Calibration | None) -> Load:
-    """Return the loads (current, field, tip force) and measured conditions in one row of a table of states.
+    """Return the loads (current, field, tip force) and measured conditions in one row of states.csv.
 
     Parameters
     ----------
     row
-        A row of states.csv, which describes one state (load step).
+        A row of the table, which describes one load step.
     calibration
-        The calibration, with whose coil constant currents are converted into fields; None for tracked points.
+        The calibration, whose coil constant converts currents into fields; None for tracked points.
 
     Raises
     ------
     InputError
-        If a value is wrong, if the row gives neither current nor field or gives both, or if the row gives a current
-        other than 0 but no coil constant is known.
+        If a value is wrong, if the row does not give either current or field, or if a current needs an unknown coil
+        constant.
     """
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
     only_weights = "tip_force_N" in row.cells and calibration is not None and not calibration.mT_per_A
@@ -95,9 +95,7 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
 
 
 def numbered_loads(rows: list[Row]) -> dict[int, Load]:
-    """Return the loads in a table of states (load steps) for tracked points, by the number of the state.
-
-    The number of a state is in the column ``state``. The result is in the order of the numbers.
+    """Return the loads in a table of load steps for tracked points, by the number in the column ``state``.
 
     Raises InputError if a row is wrong, or if two rows have the same number.
     """
@@ -111,11 +109,7 @@ def numbered_loads(rows: list[Row]) -> dict[int, Load]:
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError if the direction of a tip force is unknown.
-
-    A tip force without an angle in the table of states (``states``) has the direction of gravity. If the direction of
-    gravity is unknown too (``gravity_angle_deg`` is None), the table must give the angle.
-    """
+    """Raise InputError if a tip force has no angle and the direction of gravity, its default, is unknown (None)."""
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
             raise InputError(

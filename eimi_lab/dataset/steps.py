@@ -1,12 +1,7 @@
-"""Store and read the set-points that a run sent, and the steps of the current that began its ring-downs.
+"""Store and read the set-points that a run sent, and the steps of the current that began its free oscillations.
 
-    set_points         one row for each set-point: `time`, `current`, `uncertainty`
-    ring_down_steps    one row for each recorded free oscillation (ring-down): the step of the current, and how many
-                       frames were taken
-
-All times are on the clock of the run. The current changes at some moment between the sending of a set-point and the
-answer of the supply. `time` is the middle of this interval, and `uncertainty` is the standard deviation of a uniform
-distribution over the interval.
+The current changes between the sending of a set-point and the answer of the supply. The stored time is the middle of
+this interval, with the standard deviation of a uniform distribution over the interval.
 """
 
 from __future__ import annotations
@@ -44,7 +39,7 @@ class SetPoint:
     time_s : float
         Time of the change on the clock of the run, s.
     current_A : float
-        The new set-point of the current, A.
+        The new set-point, A.
     uncertainty_s : float
         Standard uncertainty of the time, s.
     """
@@ -56,22 +51,22 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class RingDownStep:
-    """The step of the current with which a ring-down (free oscillation) began, and the number of recorded frames.
+    """The step of the current with which a free oscillation (ring-down) began, and the number of recorded frames.
 
     Parameters
     ----------
     ring_down : int
-        Number of the ring-down, from 0.
+        Number of the free oscillation, from 0.
     from_A, to_A : float
         Current before and after the step, A.
     time_s, uncertainty_s : float
-        Time of the step on the clock of the run, and standard uncertainty of this time, s.
+        Time of the step on the clock of the run, and its standard uncertainty, s.
     frames : int
         Number of stored frames.
     lost : int
-        Number of lost frames, which are missing in the frame numbers of the camera.
+        Number of lost frames (gaps in the camera's frame numbers).
     rate_Hz : float
-        Frames per second, computed from the times of the frames.
+        Frames per second.
     """
 
     ring_down: int
@@ -98,11 +93,7 @@ def make_steps(entry: h5py.Group, protocol: Protocol | None) -> None:
 
 
 def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPoint]) -> None:
-    """Append rows to the table of set-points in a dataset.
-
-    ``store`` contains the columns of the table by name. If ``store`` is empty, because the dataset has no such table,
-    nothing is written.
-    """
+    """Append rows to the table of set-points, whose columns by name are in ``store`` (empty without a table)."""
     if store and set_points:
         for name, values in zip(_SET_POINT_COLUMNS, zip(*map(astuple, set_points), strict=True), strict=True):
             append(store[name], values)
@@ -110,10 +101,7 @@ def append_set_points(store: dict[str, h5py.Dataset], set_points: Sequence[SetPo
 
 
 def append_step(store: dict[str, h5py.Dataset], step: RingDownStep) -> None:
-    """Append one row to the table of ring-downs: the step of the current with which a free oscillation began.
-
-    ``store`` contains the columns of the table by name.
-    """
+    """Append one row to the table of free oscillations, whose columns by name are in ``store``."""
     for name, value in zip(_STEP_COLUMNS, astuple(step), strict=True):
         append(store[name], [value])
         store[name].flush()
@@ -125,10 +113,7 @@ def read_set_points(entry: h5py.Group) -> tuple[SetPoint, ...]:
 
 
 def read_steps(entry: h5py.Group) -> tuple[RingDownStep, ...]:
-    """Return the steps of the coil current with which the recorded free oscillations began, in the order of time.
-
-    The result is empty if no free oscillation (ring-down) was recorded.
-    """
+    """Return the steps of the coil current with which the recorded free oscillations began; empty if none."""
     kinds = {"int": int, "float": float}
     of_field = [kinds[str(field.type)] for field in fields(RingDownStep)]
     rows = _rows(entry, RING_DOWN_STEPS, list(_STEP_COLUMNS))

@@ -7,15 +7,9 @@ CONTINUE_STORED = "`eimi acquire --resume` continues the run"
 
 
 class StorageFailed(OSError):
-    """The error that is raised if a dataset can no longer be written.
-
-    The message says whether the stored states (load steps) are safe.
-    """
+    """The error for a dataset that can no longer be written. The message says whether stored load steps are safe."""
 
     def __init__(self, message: str, reason: str = "") -> None:
-        """Create the error with a message.
-
-        ``reason`` is the error text of the operating system; empty if the operating system reported no error.
-        """
+        """Create the error. ``reason`` is the error text of the operating system, if any."""
         super().__init__(message)
         self.reason = reason

@@ -44,30 +44,27 @@ def write_edges(
     motions: Sequence[Motion] = (),
     length_mm: float = 0.0,
 ) -> None:
-    """Store the edges of every state (load step), and the motions of the beam, in a dataset.
-
-    A motion is a series of positions of points of the beam over time. Earlier edges are replaced.
+    """Store the edges of every load step, and the motions of the beam, in a dataset. Earlier edges are replaced.
 
     Parameters
     ----------
     path
         The dataset.
     edge_sets
-        The edges of each state.
+        The edges of each load step.
     projection
-        The projection from colours to grey values with which the edges were found; None for frames without colours.
+        Conversion of colours to grey values for these edges; None for frames without colours.
     motions
-        Ring-downs (free oscillations) and creep that were found in recorded frames. New ring-downs replace the stored
-        ring-downs, and new creep replaces the stored creep.
+        Free oscillations and creep (positions of points over time), which replace stored ones of the same kind.
     length_mm
-        Length of the beam, mm, with which the amplitudes of the vibration modes are computed.
+        Length of the beam, mm.
 
     Raises
     ------
     InputError
         If the file is still being written, or if its writer crashed.
     ValueError
-        If ``edge_sets`` does not contain one element for each state.
+        If ``edge_sets`` does not contain one element for each load step.
     """
     path = Path(path)
     points = [edge for edge_set in edge_sets for edge in (edge_set.left, edge_set.right)]
@@ -92,10 +89,7 @@ def write_edges(
 
 
 def drop_edges(entry: h5py.Group) -> None:
-    """Remove the stored edges and their plots from a dataset, so that a viewer of NeXus files shows the frames first.
-
-    Do nothing if no edges are stored.
-    """
+    """Remove the stored edges and their plots from a dataset, if there are any."""
     if GROUP in entry:
         del entry[GROUP]
         entry.attrs["default"] = "data"
@@ -123,12 +117,7 @@ def _write(process: h5py.Group, edge_sets: Sequence[EdgeSet]) -> None:
 
 
 def _comply_with_definition(entry: h5py.Group) -> None:
-    """Store what a NeXus application definition requires: its name, and the dates at which the run started and ended.
-
-    During a run, HDF5 does not allow the type of text that NeXus requires for a date. The end of the run is therefore
-    stored in the table of sessions (the periods of the run between interruptions), and copied from this table here.
-    Files of version 0.1.0 have dates of fixed length, which are converted.
-    """
+    """Store what a NeXus application definition requires: its name, and the start and end of the run as dates."""
     dates = {"start_time": get_start(entry)}
     if "end" in entry.get("sessions", ()) and len(ends := entry["sessions/end"]):
         dates["end_time"] = ends[-1].decode()
@@ -145,10 +134,7 @@ def _comply_with_definition(entry: h5py.Group) -> None:
 
 
 def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
-    """Return the stored edges of every state (load step) of a dataset.
-
-    ``entry`` is the HDF5 group with the whole dataset.
-    """
+    """Return the stored edges of every load step of a dataset."""
     edges = entry[GROUP]["edges"]
     left, right = _read_side(edges["left"]), _read_side(edges["right"])
     flags = [flags_from_text(text.encode()) for text in json.loads(bytes(edges["flags"][()]))]
@@ -159,10 +145,7 @@ def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
 
 
 def read_projection(entry: h5py.Group) -> Projection | None:
-    """Return the projection from colours to grey values with which the stored edges were found.
-
-    The result is None for frames without colours, and if no edges are stored.
-    """
+    """Return the conversion of colours to grey values for the stored edges; None for grey frames or without edges."""
     if GROUP not in entry or "projection" not in entry[GROUP]:
         return None
     return Projection.from_json(get_text(entry[GROUP]["projection"], "data"))

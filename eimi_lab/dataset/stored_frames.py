@@ -1,4 +1,4 @@
-"""Read the frames of the states (load steps) from a dataset, and find damaged frames."""
+"""Read the frames of the load steps from a dataset, and find damaged frames."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from eimi_lab.process.limits import refuse_unpacked
 
 
 def images_of_state(path: Path, entry: h5py.Group, state_index: int, most: int | None) -> NDArray[Any]:
-    """Return the n frames of a state (load step), of H rows and W columns, type uint8 or uint16.
+    """Return the n frames of a load step, type uint8 or uint16.
 
     Parameters
     ----------
     path : Path
         The file, for the message of an error.
     entry : h5py.Group
-        The group "entry" of the file.
+        The HDF5 group that contains the whole dataset.
     state_index : int
-        The number of the state.
+        The number of the load step.
     most : int or None
-        The largest number of frames; None for all frames of the state.
+        The largest number of frames; None for all frames.
 
     Returns
     -------
-    ndarray, shape (n, H, W) or (n, H, W, 3)
-        The last axis contains the colours blue, green, red.
+    ndarray, shape (n, H, W) or (n, H, W, 3: blue, green, red)
+        The frames.
 
     Raises
     ------
@@ -52,18 +52,16 @@ def images_of_state(path: Path, entry: h5py.Group, state_index: int, most: int |
 
 
 def each_image_of_state(path: Path, entry: h5py.Group, state_index: int) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a state (load step) one after another, so that only one frame is in memory at a time.
-
-    Each frame of H rows and W columns has the shape (H, W), or (H, W, 3) with the colours blue, green, red.
+    """Yield the frames of a load step one after another, shape (H, W) or (H, W, 3: blue, green, red).
 
     Parameters
     ----------
     path : Path
         The file, for the message of an error.
     entry : h5py.Group
-        The group "entry" of the file.
+        The HDF5 group that contains the whole dataset.
     state_index : int
-        The number of the state.
+        The number of the load step.
 
     Raises
     ------
@@ -81,11 +79,7 @@ def each_image_of_state(path: Path, entry: h5py.Group, state_index: int) -> Iter
 
 
 def _damaged(path: Path, frames: h5py.Dataset, state_index: int, rows: NDArray[np.int64], error: OSError) -> InputError:
-    """Find which frames of a state (load step) are damaged, and return an InputError whose message lists them.
-
-    ``frames`` is the HDF5 array of all frames, and ``rows`` are the row numbers of the frames of the state in this
-    array. ``error`` is the error that HDF5 raised.
-    """
+    """Return an InputError that lists the damaged frames of a load step, after HDF5 raised ``error``."""
     damaged = ", ".join(str(row - rows[0]) for row in rows.tolist() if not _readable(frames, row))
     return InputError(
         f"{path}: frame {damaged} of the {len(rows)} frames of state {state_index} (counted from 0) "

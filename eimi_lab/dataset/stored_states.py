@@ -1,4 +1,4 @@
-"""Read the loads and the flags (names of defects) of the states (load steps) from a dataset."""
+"""Read the loads and the flags (names of defects) of the load steps from a dataset."""
 
 from __future__ import annotations
 
@@ -19,30 +19,28 @@ from eimi_lab.process.errors import InputError
 
 
 def read_states(path: Path, entry: h5py.Group, kind: Kind) -> tuple[tuple[State, ...], FieldLine | None]:
-    """Return the states (load steps) of a dataset, and the line through the readings of its gaussmeter.
-
-    If there is a gaussmeter, the field of each state is the slope of this line times the current of the state.
+    """Return the load steps of a dataset, and the straight line of its gaussmeter readings against current.
 
     Parameters
     ----------
     path : Path
         The file, for the message of an error.
     entry : h5py.Group
-        The group "entry" of the file.
+        The HDF5 group that contains the whole dataset.
     kind : str
         ``"frames"`` for a dataset of frames, ``"points"`` for a dataset of tracked points.
 
     Returns
     -------
     states : tuple of State
-        The states in their order.
+        The load steps in their order.
     line : FieldLine or None
-        None if the run had no gaussmeter.
+        None without a gaussmeter.
 
     Raises
     ------
     InputError
-        If the numbers of the states are damaged.
+        If the numbers of the load steps are damaged.
     """
     table = entry["states"]
     indices = table["index"][()]
@@ -80,18 +78,16 @@ def read_states(path: Path, entry: h5py.Group, kind: Kind) -> tuple[tuple[State,
 
 
 def mean_by_state(entry: h5py.Group, name: str, count: int) -> NDArray[np.float64]:
-    """Return the mean over the frames of each state (load step) of one quantity, such as the time, shape (count,).
-
-    The result is NaN for a state without frames. A state that was not stored completely is ignored.
+    """Return the mean of a quantity over the frames of each load step, shape (count,); NaN without frames.
 
     Parameters
     ----------
     entry : h5py.Group
-        The group "entry" of a dataset of frames.
+        The HDF5 group that contains a whole dataset of frames.
     name : str
-        Name of the quantity in the table of frames: "time" or "measured_current".
+        The quantity: "time" or "measured_current".
     count : int
-        Number of states.
+        Number of load steps.
     """
     of_state, values = entry["data/state"][()], entry[f"data/{name}"][()]
     rows = min(len(of_state), len(values))

@@ -1,7 +1,4 @@
-"""Store and read the directions of the tip forces in a dataset.
-
-A dataset contains no directions if all tip forces have the direction of gravity.
-"""
+"""Store and read the directions of the tip forces. A dataset has none if all have the direction of gravity."""
 
 from __future__ import annotations
 
@@ -18,10 +15,9 @@ NAME = "tip_force_angle"
 
 
 def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> None:
-    """Add the direction of the tip force of each state (load step) to an existing dataset file.
+    """Add the direction of the tip force of each load step to an existing dataset file.
 
-    The angles are in degrees, from +x toward +y in the beam frame (x along the straight beam from the clamp, y across).
-    None means the direction of gravity. If every angle is None, the file is not changed.
+    Angles are in degrees, from +x (along the straight beam) toward +y (across it); None is the direction of gravity.
     """
     if any(angle is not None for angle in angles_deg):
         with patiently(lambda: h5py.File(path, "r+")) as file:
@@ -29,10 +25,9 @@ def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> No
 
 
 def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None]) -> None:
-    """Write the direction of the tip force of each state (load step), in degrees from +x toward +y in the beam frame.
+    """Write the direction of the tip force of each load step; nothing if every value is None (that of gravity).
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The value None means the
-    direction of gravity, and is stored as NaN. Nothing is written if every value is None.
+    Angles are in degrees, from +x (along the straight beam) toward +y (across it).
     """
     if any(angle is not None for angle in angles_deg):
         values = np.array([np.nan if angle is None else angle for angle in angles_deg])
@@ -40,9 +35,8 @@ def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None
 
 
 def tip_force_angles(states: h5py.Group, count: int) -> NDArray[np.float64]:
-    """Return the directions of the tip forces of all states (load steps), shape (count,), in degrees from +x toward +y.
+    """Return the direction of the tip force in each load step, shape (count,); NaN for the direction of gravity.
 
-    The angles are in the beam frame (x along the straight beam from the clamp, y across); NaN means the direction of
-    gravity. ``count`` is the number of states.
+    Angles are in degrees, from +x (along the straight beam) toward +y (across it).
     """
     return np.asarray(states[NAME][()]) if NAME in states else np.full(count, np.nan)

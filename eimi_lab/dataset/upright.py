@@ -1,7 +1,4 @@
-"""Rotate the beam frame to the orientation of the camera's picture, or so that gravity points down.
-
-In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
-"""
+"""Rotate points from the axes of the beam to those of the camera's picture, or so that gravity points down."""
 
 from __future__ import annotations
 
@@ -17,17 +14,15 @@ Array = NDArray[np.float64]
 
 
 def turn(calibration: Calibration | None, gravity_angle_deg: float | None) -> Array:
-    """Return the matrix (2, 2) that converts a vector (x, y) of the beam frame into (right, up) in the picture.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+    """Return the matrix (2, 2) that converts (x along the straight beam, y across it) into (right, up) in the picture.
 
     Parameters
     ----------
     calibration
-        The calibration of the camera, whose picture defines the directions right and up; None without a camera.
+        The calibration of the camera; None without a camera.
     gravity_angle_deg
-        Direction of gravity in the beam frame, from +x toward +y. Without a calibration, this direction becomes down.
-        If both arguments are None, the identity matrix is returned.
+        Direction of gravity, degrees from +x toward +y, which becomes down without a camera. If this is also None, the
+        identity matrix is returned.
     """
     if calibration is not None:
         axis, hand = math.radians(calibration.axis_angle_deg), BeamFrame(calibration).hand

@@ -25,8 +25,6 @@ ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".m4v"})
 def frame_times(path: Path) -> NDArray[np.float64]:
     """Return the times of all n frames of a video, in seconds from its beginning, shape (n,).
 
-    The intervals between the frames may differ.
-
     Raises
     ------
     InputError
@@ -49,16 +47,14 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
     path
         The video.
     every
-        The number n: every n-th frame is returned. If these are more than 16 frames, n is doubled until at most 16 are
-        left.
+        Return every n-th frame; n is doubled until at most 16 frames are left.
 
     Returns
     -------
     times
         Times of all frames, in seconds from the beginning of the video.
     kept
-        The returned frames by number, counted from 0. A frame of H rows and W columns has the shape (H, W, 3), with the
-        colours blue, green, red.
+        The returned frames by number, counted from 0, shape (H, W, 3: blue, green, red).
 
     Raises
     ------
@@ -83,11 +79,7 @@ def looked_through(path: Path, every: int) -> tuple[NDArray[np.float64], dict[in
 
 
 def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
-    """Yield selected frames of a video.
-
-    A frame of H rows and W columns has the shape (H, W, 3), with the colours blue, green, red.
-
-    The video is read from its beginning, because in many formats a jump to a frame is not exact.
+    """Yield selected frames of a video, shape (H, W, 3: blue, green, red).
 
     Parameters
     ----------
@@ -116,9 +108,7 @@ def read_video(path: Path, numbers: Sequence[int]) -> Iterator[NDArray[Any]]:
 
 
 def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
-    """Yield every frame of a video, and the time of the frame in seconds from the beginning of the video.
-
-    A frame of H rows and W columns has the shape (H, W, 3), with the colours blue, green, red.
+    """Yield every frame (H, W, 3: blue, green, red) of a video, with its time in seconds from the beginning.
 
     Raises
     ------
@@ -138,13 +128,10 @@ def timed_frames(path: Path) -> Iterator[tuple[NDArray[Any], float]]:
 
 
 def row_direction(path: Path) -> tuple[float, float, float]:
-    """Return three numbers (a, b, c): the pixel (x, y) of a frame was exposed by the sensor row a x + b y + c.
+    """Return three numbers (a, b, c): the pixel (x, y) of a frame lies in the row a x + b y + c of the camera sensor.
 
-    With a rolling shutter, the rows of the camera sensor are exposed one after another. The time of a pixel therefore
-    depends on its row. In a video of a phone that was held upright, a row of the sensor is a column of the frame,
-    because OpenCV rotates each frame by the angle that the file contains.
-
-    Raises InputError if the video cannot be read.
+    The rows of a frame are not those of the sensor if the video is shown rotated. Raises InputError if the video cannot
+    be read.
     """
     with _opened(path) as video:
         turned = round(video.get(cv2.CAP_PROP_ORIENTATION_META)) % 360

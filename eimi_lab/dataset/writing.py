@@ -1,13 +1,7 @@
-"""Write a dataset of frames so that every stored state (load step) survives a crash.
+"""Write a dataset of frames so that every stored load step survives a crash.
 
-The file is written in HDF5's single-writer-multiple-reader mode (SWMR), in which the file is readable at every moment.
-For each state, the arrays of the file are flushed one after another. The table of states is flushed last, so that it
-lists only complete states. Then the file is synchronised to the disk. All arrays are created before the file is opened
-in this mode (The HDF Group, SWMR user guide). The file is created under a temporary name. Therefore every file with the
-requested name contains the description of the run.
-
-Only one writer may use a path at a time. After each state, the writer checks that the path still leads to its file. If
-another program deleted, moved or replaced the file, the writer continues in a copy in the same folder.
+The file is written in HDF5's single-writer-multiple-reader mode (The HDF Group, SWMR user guide). The table of load
+steps is written last, so that it lists only complete load steps.
 """
 
 from __future__ import annotations
@@ -69,23 +63,25 @@ NAN = float("nan")
 
 
 def _ignore() -> None:
-    """Do nothing. This is the default of the argument `beat`, for a writer whose progress nobody monitors."""
+    """Do nothing."""
 
 
 def _tell_warning(message: str) -> None:
     tell(f"warning: {message}")
 
 
+# The arrays are flushed one after another, and the table of load steps last, before the file is synchronised to the
+# disk. All arrays are created before the file is opened in single-writer-multiple-reader mode, and under a temporary
+# name, so that every file with the requested name contains the description of the run.
 class DatasetWriter:
-    """A writer that creates a dataset and appends one state (load step) after another. Use it in a ``with`` statement.
+    """A writer that creates a dataset and appends one load step after another. Use it in a ``with`` statement.
 
-    The file must be on a local file system, because network file systems do not preserve the order of writes.
+    The file must be on a local file system.
 
     Parameters
     ----------
     path
-        The new file. If another program deletes, moves or replaces this file during the run, the attribute ``path``
-        becomes the path of the copy in which the writer continues.
+        The new file. If another program moves, deletes or replaces it, the attribute becomes the path of a copy.
     header
         Description of the run.
     like
@@ -93,9 +89,9 @@ class DatasetWriter:
     force
         Whether an existing file is overwritten.
     beat
-        Function that is called repeatedly while a state is written, to show that the run proceeds.
+        Function that is called repeatedly while a load step is written.
     warn
-        Function that gets the text of a warning for the user; by default the text is printed on standard error.
+        Function that gets the text of a warning; by default it is printed on standard error.
 
     Raises
     ------
@@ -126,10 +122,10 @@ class DatasetWriter:
     def resume(
         cls, path: Path, beat: Callable[[], None] = _ignore, warn: Callable[[str], None] = _tell_warning
     ) -> DatasetWriter:
-        """Return a writer that appends states (load steps) to a dataset that was closed properly or recovered.
+        """Return a writer that appends load steps to a dataset that was closed properly or recovered.
 
-        ``beat`` is called repeatedly while a state is written. ``warn`` gets the text of a warning for the user. Raises
-        InputError if the file cannot be opened for writing, or if another writer uses the path.
+        ``beat`` is called repeatedly during writing, and ``warn`` gets the text of a warning. Raises InputError if the
+        file cannot be opened for writing, or if another writer uses the path.
         """
         writer = cls.__new__(cls)
         writer._beat, writer._warn = beat, warn
@@ -146,11 +142,7 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Begin a session: store the present time as the time at which the run started or continued.
-
-        A run has one session, and a further session after each pause or interruption. Raises StorageFailed if the file
-        cannot be written.
-        """
+        """Store the present time as the start or the continuation of the run. StorageFailed if this fails."""
         session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
             for name, column in self._sessions.items():
@@ -196,13 +188,10 @@ class DatasetWriter:
             raise StorageFailed(f"{self.path}: cannot be written any more: {reason}; {stored}", reason) from error
 
     def _abandon(self) -> None:
-        """Close the file after a failed write, without writing to it. Its content is then the same as after a crash.
-
-        HDF5 writes its remaining data when a file is closed. This write would fail too, and would crash the program.
-        Therefore the file descriptor is first connected to the null device, which accepts the data. A file without a
-        stored state (load step) is removed.
-        """
+        """Close the file after a failed write, without writing to it. A file without a load step is removed."""
         taken_away = fate_of(self.path, self._descriptor)
+        # HDF5 writes its remaining data when a file is closed. This write would fail too, and would crash the program.
+        # Therefore the null device, which accepts the data, takes the place of the file.
         with open(os.devnull, "r+b", buffering=0) as null_device:
             os.dup2(null_device.fileno(), self._descriptor)
             with suppress(OSError, RuntimeError):
@@ -214,7 +203,7 @@ class DatasetWriter:
 
     @property
     def stored(self) -> int:
-        """The number of states (load steps) that are stored in the file."""
+        """The number of load steps that are stored in the file."""
         return self._stored
 
     def __enter__(self) -> DatasetWriter:
@@ -223,7 +212,7 @@ class DatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file. A file without a state (load step) is removed."""
+        """Close the file. A file without a load step is removed."""
         if self._abandoned:
             return
         self._refuse_overwritten()
@@ -258,30 +247,24 @@ class DatasetWriter:
         sensed: Sequence[Mapping[str, SensorReading]] = (),
         set_points: Sequence[SetPoint] = (),
     ) -> None:
-        """Store a state (load step) with its frames.
-
-        When this function returns, the state and the frames survive a crash of the program or of the computer.
-
-        If another program deleted, moved or replaced the file, the user gets a warning, and all states are in a copy in
-        the same folder.
+        """Store a load step with its frames, which then survive a crash of the program or of the computer.
 
         Parameters
         ----------
         frames
-            The frames of the state.
+            The frames.
         current_A, field_mT, tip_force_N
-            The loads of the state: set current (A), field at the magnet (mT) and force at the tip (N).
+            Set current (A), field at the magnet (mT) and force at the tip (N).
         measured_A, time_s
             For each frame, the measured current (A), and the time on the clock of the run (s).
         flags
-            Flags: the defects of the frames of the state.
+            Defects of the frames.
         transient
-            Frames that were taken while the beam settled; ignored if the file has no group for such frames.
+            Frames that were taken while the beam settled.
         sensed
-            For each frame, the readings of the sensors by the name of the sensor, with times on the clock of the run.
+            For each frame, the readings of the sensors by name.
         set_points
-            Set-points that were sent after the previous state was stored; ignored if the file has no table of
-            set-points.
+            Set-points that were sent after the previous load step was stored.
 
         Raises
         ------
@@ -331,7 +314,7 @@ class DatasetWriter:
         self._keep_the_name()
 
     def append_recording(self, name: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
-        """Store frames beside those of the states (load steps). When this function returns, they survive a crash.
+        """Store frames beside those of the load steps. These frames then survive a crash.
 
         Raises ValueError if a frame differs from the frames of the file, and StorageFailed if the file cannot be
         written.
@@ -339,9 +322,9 @@ class DatasetWriter:
         Parameters
         ----------
         name
-            Name of the recording (series of frames), such as "transients".
+            Name of the series of frames, such as "transients".
         belongs_to
-            For each frame, the number of the load step, load cycle or free oscillation to which it belongs.
+            Number of the load step, load cycle or free oscillation of each frame.
         moments
             The frames with their times and set-points.
         """
@@ -354,33 +337,32 @@ class DatasetWriter:
 
     @property
     def ring_downs(self) -> int | None:
-        """The number of stored ring-downs (free oscillations); None if the file has no table of ring-downs."""
+        """The number of stored free oscillations; None if the file has no table for them."""
         return len(self._steps["ring_down"]) if self._steps else None
 
     @contextmanager
     def ring_down(self) -> Iterator[FrameStream]:
-        """Yield a stream that writes the frames of a free oscillation while the camera takes further frames.
+        """Yield a stream for a ``with`` statement that writes the frames of a free oscillation in the background.
 
-        Use this method in a ``with`` statement. At its end all frames are written. Then call `end_ring_down`. Raises
-        StorageFailed if the file cannot be written, or if another program wrote into it.
+        Call `end_ring_down` afterwards. Raises StorageFailed if the file cannot be written.
         """
         self._refuse_overwritten()
         with self._writing(), FrameStream(self._recordings[RING_DOWN]["frames"]) as stream:
             yield stream
 
     def end_ring_down(self, step: RingDownStep, moments: Sequence[Moment], set_points: Sequence[SetPoint]) -> None:
-        """Store the step of the current that began a ring-down (free oscillation), and the times of its frames.
+        """Store the step of the current that began a free oscillation, and the times of its frames.
 
-        When this function returns, the ring-down survives a crash. Raises StorageFailed if the file cannot be written.
+        The free oscillation then survives a crash. Raises StorageFailed if the file cannot be written.
 
         Parameters
         ----------
         step
             The step of the current.
         moments
-            The frames with their times and set-points. The frames are already in the file.
+            Times and set-points of the frames, which are already in the file.
         set_points
-            Set-points that were sent after the previous load step or ring-down was stored.
+            Set-points that were sent after the previous load step or free oscillation was stored.
         """
         with self._writing():
             append_set_points(self._set_points, set_points)
@@ -406,7 +388,7 @@ class DatasetWriter:
         return images
 
     def _refuse_overwritten(self) -> None:
-        """Raise StorageFailed if the beginning of the file has changed since the writer wrote it."""
+        """Raise StorageFailed if another program changed the beginning of the file."""
         if head_of(self._descriptor) != self._head:
             self._abandon()
             raise StorageFailed(
@@ -415,10 +397,7 @@ class DatasetWriter:
             )
 
     def _keep_the_name(self) -> None:
-        """Let the writer continue in a copy of its file if another program deleted, moved or replaced the file.
-
-        Raises StorageFailed if the file cannot be copied or written.
-        """
+        """Continue in a copy if another program deleted, moved or replaced the file. StorageFailed if this fails."""
         if not (fate := fate_of(self.path, self._descriptor)):
             return
         source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open

@@ -1,12 +1,7 @@
-"""Describe a measured motion of the beam by the amplitudes of the vibration modes of a uniform cantilever.
+"""Describe a measured motion of the beam by the amplitudes of vibration modes of a uniform cantilever.
 
-With ξ = x / L, where x is the distance from the clamp and L is the length, each mode has the shape
-
-    φ(ξ) = cosh βξ - cos βξ - σ (sinh βξ - sin βξ),    σ = (cosh β + cos β) / (sinh β + sin β),
-
-where β is one of the solutions of cos β cosh β = -1 (R. D. Blevins, Formulas for natural frequency and mode shape,
-1979, table 8-1). The true modes of a beam with a magnet or a weight differ from these modes. The amplitudes only
-describe the measured shape of the beam by a few numbers.
+Mode: cosh βξ - cos βξ - σ (sinh βξ - sin βξ), σ = (cosh β + cos β) / (sinh β + sin β), cos β cosh β = -1; ξ is the
+distance from the clamp over the length (R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1).
 """
 
 from __future__ import annotations
@@ -22,17 +17,17 @@ ROOTS = (1.8751040687, 4.6940911330, 7.8547574382)
 
 
 def cantilever_modes(share: Array) -> Array:
-    """Return the shapes of the first three modes of a uniform cantilever at p points along the beam.
+    """Return the shapes of the first three vibration modes of a uniform cantilever at p points along the beam.
 
     Parameters
     ----------
     share : ndarray, shape (p,)
-        Distances of the points from the clamp, divided by the length of the beam.
+        Distances of the points from the clamp, divided by the length.
 
     Returns
     -------
     ndarray, shape (p, 3)
-        Deflection of the three modes (columns) at the p points (rows); every mode is 1 at the tip.
+        Deflection of the three modes (columns) at the points (rows); 1 at the tip.
 
     Examples
     --------
@@ -50,10 +45,9 @@ def cantilever_modes(share: Array) -> Array:
 
 
 def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
-    """Return the amplitudes of the cantilever modes in each frame of a motion (positions of points over time).
+    """Return the amplitudes of the cantilever's vibration modes in each frame of a motion (positions over time).
 
-    In each frame, the sum of the modes times their amplitudes is fitted to the deflections of the points by least
-    squares. The deflection of a point is its coordinate y minus the mean of y over all frames.
+    The modes are fitted by least squares to the deflections from the mean position.
 
     Parameters
     ----------
@@ -65,9 +59,8 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
     Returns
     -------
     ndarray, shape (n, m)
-        Deflection of the tip in each of m modes (columns) in each frame (rows), mm; NaN for a frame that shows fewer
-        than m points. m is 3, or the number of different distances of the points from the clamp if this number is
-        smaller.
+        Deflection of the tip in each of m modes (columns), mm; NaN for a frame with fewer than m points. m is 3 or, if
+        smaller, the number of different distances of the points from the clamp.
     """
     modes = cantilever_modes(motion.rest_mm[:, 0] / length_mm)[:, : len(np.unique(motion.rest_mm[:, 0].round(3)))]
     is_seen = motion.seen
@@ -85,9 +78,6 @@ def modal_amplitudes_mm(motion: Motion, length_mm: float) -> Array:
 def tip_angles_deg(motion: Motion) -> Array:
     """Return the rotation of the beam's tip in each of the n frames of a recorded motion.
 
-    The rotation is relative to the undeformed beam. The direction of the tip is the direction of the line through the
-    two points that are farthest from the clamp.
-
     Parameters
     ----------
     motion : Motion
@@ -96,8 +86,8 @@ def tip_angles_deg(motion: Motion) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Angle in degrees, positive from +x toward +y; NaN for a frame that does not show both of these points. All
-        angles are NaN if both points are equally far from the clamp.
+        Angle of the line through the two points nearest to the tip, relative to the undeformed beam, degrees from +x
+        toward +y; NaN without two such points.
     """
     order = np.argsort(motion.rest_mm[:, 0], kind="stable")[-2:]
     if len(order) < 2 or np.ptp(motion.rest_mm[order, 0]) <= 0.0:

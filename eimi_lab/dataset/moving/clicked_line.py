@@ -1,10 +1,7 @@
 """Make a calibration (clamp, direction of the beam, scale) from points that the user clicked on the beam at rest.
 
-The scale may be inaccurate, because the frequency and the loss factor of a free oscillation do not depend on the scale.
-The direction in which the beam leaves the clamp follows from the shape of the beam at rest. Let ξ be the distance from
-the clamp divided by the length. A uniform load, such as the weight, bends a clamped beam in the shape
-(ξ⁴ - 4 ξ³ + 6 ξ²) / 3. A load at the tip bends the beam in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of
-Materials, part I, 1955, section 39).
+With ξ = distance from the clamp / length, a uniform load bends the beam in the shape (ξ⁴ - 4 ξ³ + 6 ξ²) / 3, a tip load
+in the shape (3 ξ² - ξ³) / 2 (S. Timoshenko, Strength of Materials, part I, 1955, section 39).
 """
 
 from __future__ import annotations
@@ -39,12 +36,12 @@ def clicked_calibration(
     Parameters
     ----------
     along_px : sequence of (float, float)
-        Two to six points in px, the first at the clamp and the last at the tip.
+        Two to six points, px, from the clamp to the tip.
     specimen : SpecimenFile
         The specimen, whose length gives the scale.
     axis_deg : float, optional
-        Direction in which the beam leaves the clamp, degrees clockwise from +x of the picture. If None, the direction
-        is computed from the points.
+        Direction in which the beam leaves the clamp, degrees clockwise from +x of the picture. By default it is
+        computed from the points.
     origin : str
         Name of the recording in messages.
 
@@ -88,8 +85,7 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
     Parameters
     ----------
     changes : mapping
-        Values of a calibration by key. The clicked points are ``changes["picture"]["along_px"]``. All other values
-        replace the values that `clicked_calibration` computes.
+        Values of a calibration by key, with the points as ``changes["picture"]["along_px"]``.
     specimen : SpecimenFile
         The specimen, whose length gives the scale.
     origin : str
@@ -107,10 +103,7 @@ def clicked_from_changes(changes: Changes, specimen: SpecimenFile, origin: str) 
 def _direction_deg(points: Array) -> float:
     """Return the direction in which a beam leaves its clamp, in degrees clockwise from +x of the picture.
 
-    ``points`` contains n points on the centre line, px, shape (n, 2), the first point at the clamp. For three or more
-    points, the direction is the tangent at the clamp of a fitted curve: the shape of a beam under a uniform load. For
-    two points, it is the direction of the line through them. If this line is within 20° of the horizontal or the
-    vertical direction, the beam is assumed to leave the clamp in exactly that direction.
+    ``points`` contains n points on the centre line, px, shape (n, 2), the first at the clamp.
     """
     from_clamp = points[1:] - points[0]
     chord_deg = float(np.degrees(np.arctan2(*from_clamp[-1][::-1])))
@@ -125,18 +118,16 @@ def _direction_deg(points: Array) -> float:
 def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array, has_tip_load: bool) -> Calibration:
     """Return a calibration whose axis and clamp are corrected with the measured centre line of the beam at rest.
 
-    The centre line is fitted by a straight line, plus the shape of a cantilever under a uniform load and, with a weight
-    at the tip, the shape under a load at the tip. If fewer than six points were seen, the calibration is returned
-    unchanged.
+    With fewer than six measured points, the calibration is returned unchanged.
 
     Parameters
     ----------
     calibration : Calibration
         The calibration from clicked points.
     rest_px : ndarray, shape (p, 2)
-        Points of the centre line at rest; NaN for a point that was not seen.
+        Points of the centre line at rest; NaN for a missing point.
     along_mm : ndarray, shape (p,)
-        Distances of the p points from the clamp along the beam.
+        Distances of the points from the clamp along the beam.
     has_tip_load : bool
         Whether a weight hangs at the tip.
     """
@@ -158,10 +149,9 @@ def with_measured_axis(calibration: Calibration, rest_px: Array, along_mm: Array
 
 
 def _along_and_across(from_clamp: Array, axis_deg: float) -> tuple[Array, Array]:
-    """Return the distances of n points from the clamp along the axis of the beam and across it, each of shape (n,).
+    """Return the distances of n points from the clamp along the axis of the beam and across it, px, each (n,).
 
-    ``from_clamp`` contains the positions minus the position of the clamp, px, shape (n, 2). ``axis_deg`` is the
-    direction of the axis, in degrees clockwise from +x of the picture. "Across" is 90° clockwise of the axis.
+    ``from_clamp`` (n, 2) are positions relative to the clamp, px. ``axis_deg`` is clockwise from +x of the picture.
     """
     cosine, sine = np.cos(np.radians(axis_deg)), np.sin(np.radians(axis_deg))
     return from_clamp @ np.array([cosine, sine]), from_clamp @ np.array([-sine, cosine])

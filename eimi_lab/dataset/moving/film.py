@@ -34,7 +34,7 @@ class NoBeam(InputError):
 
 @dataclass(frozen=True)
 class Film:
-    """Positions of p points along the beam in the n frames of a film; NaN for a point that was not seen in a frame.
+    """Positions of p points along the beam in the n frames of a film; NaN for a point that was not found in a frame.
 
     Parameters
     ----------
@@ -52,15 +52,12 @@ class Film:
     def sigma_mm(self, middle_mm: Array) -> Array:
         """Return the standard deviation of the measurement noise of each of the p points, across the beam, mm.
 
-        In each frame, a smooth curve (a polynomial of degree 5 in the distance from the clamp) is fitted to the
-        coordinates y of all points. The standard deviation of a point is computed from its distances to these curves
-        in all frames.
+        The noise is the distance from a smooth curve through all points of a frame (a polynomial of degree 5).
 
         Parameters
         ----------
         middle_mm : ndarray, shape (n, p, 2)
-            Points of the centre line in the n frames, in the beam frame (x along the straight beam from the clamp, y
-            across), mm.
+            Points of the centre line, mm (x along the straight beam from the clamp, y across).
 
         Returns
         -------
@@ -90,21 +87,18 @@ def follow_film(
 ) -> Film:
     """Find the beam in every frame of a film, which is a video or a recording of a run.
 
-    The beam is searched near its position in the previous frame. The whole frame is searched after the beam was lost
-    and, without a tracker, at the beginning.
-
     Parameters
     ----------
     images : iterable of ndarray, shape (H, W) or (H, W, 3)
-        The frames, each of H by W pixels.
+        The frames.
     calibration, specimen
         Calibration of the camera, and the specimen.
     origin : str
         Name of the film in messages.
     projection : Projection, optional
-        Projection from colours to grey values; by default, the projection is chosen in the first frame.
+        Conversion of colours to grey values; by default it is chosen in the first frame.
     tracker : BeamTracker, optional
-        An object that follows the beam from frame to frame, and that already knows where the beam is in some frame.
+        An object that follows the beam, and already knows its position in some frame.
 
     Raises
     ------
@@ -145,10 +139,9 @@ def follow_film(
 def tracker_from(
     image: NDArray[Any], calibration: Calibration, specimen: SpecimenFile, projection: Projection | None
 ) -> BeamTracker | None:
-    """Return an object that follows the beam from frame to frame, starting from its position in one frame.
+    """Return an object that follows the beam, starting from its position in `image`; None if no beam is found.
 
-    None is returned if no beam is found in the frame. `image` has the shape (H, W) or (H, W, 3) with H by W pixels.
-    `projection` converts colours into grey values.
+    `image` has the shape (H, W) or (H, W, 3). `projection` converts colours into grey values.
     """
     edges = _edges(image, calibration, specimen, projection)
     if not len(edges.middle_mm) or np.hypot(*edges.middle_mm.T).max() < 0.5 * specimen.specimen.length_mm:

@@ -37,20 +37,18 @@ _LITTLE = 0.7  # share of the points that should be seen; with fewer points the 
 
 @dataclass(frozen=True)
 class FilmedPoints:
-    """Positions of p points of the beam in the n frames of a film, in the beam frame.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+    """Positions of p points in the n frames of a film, with x along the straight beam from the clamp, and y across it.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Positions, mm; NaN for a point that was not seen in a frame.
+        Positions, mm; NaN for a point that was not found in a frame.
     rest_mm : ndarray, shape (p, 2)
-        Positions of the points in the undeformed beam, mm.
+        Positions in the undeformed beam, mm.
     time_s : ndarray, shape (n, p)
         Time at which the camera exposed each point, s.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of one coordinate of each point, mm.
+        Standard uncertainty of one coordinate, mm.
     """
 
     points_mm: Array
@@ -66,10 +64,9 @@ def points_of_film(
     row_time_s: float = 0.0,
     rows: tuple[float, float, float] = (0.0, 1.0, 0.0),
 ) -> FilmedPoints:
-    """Convert the points of a film from pixels into mm in the beam frame, and compute the time of each point.
+    """Convert the points of a film from pixels into mm (x along the straight beam from the clamp, y across).
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. With a rolling shutter, the
-    camera exposes the rows of a frame one after another, so that the points of a frame have different times.
+    With a rolling shutter, which exposes one row after another, the points of a frame have different times.
 
     Parameters
     ----------
@@ -82,7 +79,7 @@ def points_of_film(
     row_time_s : float
         Time between the exposures of two neighbouring rows, s; 0 for a global shutter.
     rows : tuple of float
-        Three numbers (a, b, c). The pixel (x, y) of a frame lies in the row a x + b y + c of the sensor.
+        Three numbers (a, b, c): the pixel (x, y) lies in the row a x + b y + c of the sensor.
     """
     frame = BeamFrame(calibration)
     middle = frame.to_mm(film.middle_px.reshape(-1, 2)).reshape(film.middle_px.shape)
@@ -98,12 +95,12 @@ def points_of_film(
 
 @dataclass(frozen=True)
 class VideoMotions:
-    """The motions of the beam that were measured in a video, and the calibration that was used for the measurement.
+    """The motions of the beam that were measured in a video, and the calibration that was used.
 
     Attributes
     ----------
     motions : tuple of Motion
-        One motion for each time that the beam was flicked (pushed briefly so that it swings).
+        One motion for each time that the beam was pushed briefly.
     calibration : Calibration
         The calibration with which pixels were converted into mm.
     """
@@ -117,9 +114,7 @@ def read_video_motions(
 ) -> VideoMotions:
     """Measure the motions (positions of points over time) of the beam in a video.
 
-    The beam is first searched in a frame near the end, in which it is assumed to be at rest. Then it is followed from
-    the first frame. If the camera moved, this movement is removed from the frames. Notes about the result are printed
-    on standard error.
+    A movement of the camera is removed. Near the end of the video, the beam is assumed to be at rest.
 
     Parameters
     ----------
@@ -128,11 +123,9 @@ def read_video_motions(
     calibration, specimen
         Calibration of the camera, and the specimen.
     facts : MotionFacts
-        Facts about the recording that the user gives. The rate of the recording, `rate_Hz`, is used instead of the rate
-        in the video file.
+        Facts about the recording that the user gives.
     is_clicked : bool
-        Whether the calibration was made from clicked points. The axis and the clamp in the calibration are then
-        corrected by the measured shape of the beam at rest.
+        Whether the calibration comes from clicked points, and is corrected by the measured shape at rest.
 
     Raises
     ------
@@ -172,27 +165,21 @@ def read_video_motions(
 
 
 def frame_at_rest(path: Path) -> NDArray[Any]:
-    """Return a frame near the end of a video, in which the beam is assumed to be at rest.
+    """Return a frame near the end of a video, where the beam is assumed to be at rest (H, W, 3: blue, green, red).
 
-    The shape is (H, W, 3: blue, green, red). Raises InputError if the video cannot be read.
+    Raises InputError if the video cannot be read.
     """
     return _still_frame(looked_through(path, _EVERY)[1])
 
 
 def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the second last of some frames of a video, because the last frame may show the hand that stops the camera.
-
-    ``kept`` contains the frames by their numbers in the video.
-    """
+    """Return the second last of some frames of a video, given by number."""
     numbers = sorted(kept)
     return kept[numbers[max(len(numbers) - 2, 0)]]
 
 
 def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Iterator[NDArray[Any]]:
-    """Yield the frames of a film, and report the progress after each frame if standard error is a terminal.
-
-    ``total`` is the number of frames.
-    """
+    """Yield the frames of a film, and report the progress if standard error is a terminal."""
     for number, image in enumerate(images):
         yield image
         if sys.stderr.isatty():
@@ -200,7 +187,7 @@ def _reported(images: Iterable[NDArray[Any]], report: Report, total: int) -> Ite
 
 
 def _tell_view(path: Path, view: SteadyView | None, film: Film) -> None:
-    """Print a note if the camera moved, if this cannot be checked, or if the beam was seen in few frames."""
+    """Print a note if the camera moved, if this cannot be checked, or if the beam was found in few frames."""
     visible_share = float(np.isfinite(film.middle_px[..., 0]).mean())
     if visible_share < _LITTLE:
         tell(

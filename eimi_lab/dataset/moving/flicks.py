@@ -1,7 +1,4 @@
-"""Divide a recording in which the beam was flicked (pushed briefly) several times into parts, one for each flick.
-
-The maximum of the deflection over one period of the vibration rises at each flick and falls afterwards.
-"""
+"""Divide a recording in which the beam was pushed briefly several times into parts, one for each push."""
 
 from __future__ import annotations
 
@@ -20,24 +17,20 @@ FEWEST_PERIODS = 6.0  # smallest number of periods for which a part has to show 
 
 
 def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
-    """Divide a recording into parts with one ring-down each, and return the first and last frame of each part.
-
-    A ring-down (free oscillation) begins with a flick (a brief push). A part is left out if too few periods of the
-    vibration follow the flick.
+    """Divide a recording into parts, each with one free oscillation after a brief push of the beam.
 
     Parameters
     ----------
     frame_s : ndarray, shape (n,)
         Times of the n frames, s.
     points_mm : ndarray, shape (n, p, 2)
-        Positions of p points in the beam frame (x along the straight beam from the clamp, y across), mm; NaN for a
-        point that was not seen in a frame.
+        Positions of p points (x along the straight beam from the clamp, y across), mm; NaN for a missing point.
 
     Returns
     -------
     list of (int, int)
-        For each part, the number of the first frame, and the number of the last frame plus 1, in the order of time. The
-        only part is (0, n) if fewer than two flicks are detected, or if all parts are too short.
+        For each part, the number of the first frame, and the number of the last frame plus 1; (0, n) if the recording
+        cannot be divided.
     """
     whole = [(0, len(frame_s))]
     moved = _deflection(points_mm)
@@ -74,18 +67,9 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
 
 
 def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
-    """Return whether a maximum of the amplitude is the beginning of a ring-down, and not a beat of two vibrations.
+    """Return whether a maximum of the amplitude begins a free oscillation, and is not a beat of two vibrations.
 
-    After a flick the amplitude rises faster than it decays. When two vibrations beat, it rises as slowly as it decays.
-
-    Parameters
-    ----------
-    size
-        Amplitude of the vibration in each of the n frames, shape (n,).
-    peak
-        Number of the frame with the maximum.
-    frames
-        Number of frames in one period of the vibration.
+    ``size`` is the amplitude in n frames (n,), ``peak`` the frame of the maximum, ``frames`` the period in frames.
     """
     low = size[peak] / _RISE
     before, after = np.flatnonzero(size[:peak] < low), np.flatnonzero(size[peak:] < low)
@@ -97,8 +81,7 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 def _deflection(points_mm: Array) -> Array | None:
     """Return the deflection of the point that moves most, in each of n frames, mm, shape (n,).
 
-    `points_mm` contains the positions of p points, shape (n, p, 2). In frames that do not show the point, the
-    deflection is interpolated. The result is None if no point was seen in more than half of the frames.
+    `points_mm` has the shape (n, p, 2). Missing values are interpolated. None if every point is missing too often.
     """
     is_seen = np.isfinite(points_mm[..., 1])
     often = is_seen.mean(axis=0) > 0.5
@@ -113,11 +96,9 @@ def _deflection(points_mm: Array) -> Array | None:
 
 
 def _white_noise(moved: Array, frames: int) -> float:
-    """Return the standard deviation of the noise in the measured deflection of a vibrating point, mm.
+    """Return the standard deviation of white noise in the deflection ``moved`` of a vibrating point, mm, shape (n,).
 
-    The noise is assumed to be white. It is estimated from the part of the spectrum above 1.5 times the vibration
-    frequency, to which the vibration itself contributes little. ``moved`` is the deflection in n frames, mm, shape
-    (n,), and ``frames`` is the number of frames in one period of the vibration.
+    The spectrum above 1.5 times the vibration frequency is used. ``frames`` is the period in frames.
     """
     power = np.abs(np.fft.rfft(moved - moved.mean())) ** 2
     first = min(round(1.5 * len(moved) / frames), len(power) - 2)
@@ -125,11 +106,7 @@ def _white_noise(moved: Array, frames: int) -> float:
 
 
 def _period(moved: Array, rate_Hz: float) -> int:
-    """Return the number of frames in one period of the strongest vibration of a point.
-
-    ``moved`` is the deflection of the point in n frames, mm, shape (n,). ``rate_Hz`` is the number of frames per
-    second.
-    """
+    """Return the period of the strongest vibration, in frames, in the deflection ``moved``, shape (n,)."""
     n = len(moved)
     power = np.abs(np.fft.rfft(np.diff(moved) * np.hanning(n - 1), 2 * n)) ** 2  # a difference suppresses slow motion
     frequency = np.fft.rfftfreq(2 * n, 1.0 / rate_Hz)

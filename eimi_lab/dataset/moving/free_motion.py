@@ -21,16 +21,13 @@ _GAP = 1.5  # in units of the usual interval between frames: in a longer interva
 def free_motions(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> tuple[Motion, ...]:
-    """Return the free motions in a recording, one for each time that the beam was flicked (pushed briefly).
-
-    If the user gives the time of the release, only the motion from the release to the next flick is returned. For
-    creep, the whole recording is one motion. A note about several flicks is printed on standard error.
+    """Return the free motions in a recording, one for each brief push of the beam; for creep, the whole recording.
 
     Parameters
     ----------
     points_mm, rest_mm, time_s, sigma_mm
-        Positions (n, p, 2) of p points in n frames in the beam frame (x along the straight beam from the clamp, y
-        across; mm), positions at rest (p, 2) in mm, times (n, p) in s, and standard uncertainties (n, p) in mm.
+        Positions (n, p, 2) of p points in n frames, positions at rest (p, 2), times (n, p) and standard uncertainties
+        (n, p), in mm and s, with x along the straight beam from the clamp, and y across.
     facts : MotionFacts
         Facts about the recording that the user gives, such as the time of the release.
     origin : str
@@ -39,7 +36,7 @@ def free_motions(
     Raises
     ------
     InputError
-        If the times do not increase from frame to frame, if no point was seen, or if there are too few frames.
+        If the times do not increase, if no point was found, or if there are too few frames.
     """
     if facts.kind == "creep" and not (facts.hanging_N or facts.removed_N):
         tell(
@@ -81,37 +78,29 @@ def free_motions(
 def free_motion(
     points_mm: Array, rest_mm: Array, time_s: Array, sigma_mm: Array, facts: MotionFacts, origin: str
 ) -> Motion:
-    """Return the motion of the beam after its release. The times of the motion begin at the release.
+    """Return the motion of the beam after its release, with times from the release.
 
-    If the user does not give the time of the release, the release is assumed in the last frame whose deflection is at
-    least 97 % of the largest deflection. The deflection is the distance from the position at the end of the recording.
-    A note on standard error gives the assumed time.
+    By default, the beam is released in the last frame with at least 97 % of the largest deflection.
 
     Parameters
     ----------
     points_mm : ndarray, shape (n, p, 2)
-        Positions of p points in n frames, in the beam frame (x along the straight beam from the clamp, y across); NaN
-        for a point that was not seen in a frame.
+        Positions of p points in n frames (x along the straight beam from the clamp, y across); NaN for a missing point.
     rest_mm : ndarray, shape (p, 2)
-        Positions of the points in the undeformed beam.
+        Positions in the undeformed beam.
     time_s : ndarray, shape (n, p)
         Times of the points since the beginning of the recording, s.
     sigma_mm : ndarray, shape (n, p)
-        Standard uncertainty of one coordinate of a point, mm.
+        Standard uncertainty of one coordinate, mm.
     facts : MotionFacts
         Facts about the recording that the user gives, such as the time of the release.
     origin : str
         Name of the recording in messages.
 
-    Returns
-    -------
-    Motion
-        The points from the release to the end of the recording.
-
     Raises
     ------
     InputError
-        If the times do not increase from frame to frame, if no point was seen, or if there are too few frames.
+        If the times do not increase, if no point was found, or if there are too few frames.
     """
     frame_s = time_s.min(axis=1)
     steps_s = np.diff(frame_s)
@@ -164,12 +153,7 @@ def _stated_release(frame_s: Array, facts: MotionFacts, origin: str) -> int:
 
 
 def _release(points_mm: Array) -> int:
-    """Return the number of the frame in which the beam was released.
-
-    `points_mm` contains the positions of p points in n frames, shape (n, p, 2). The deflection of the beam is the
-    distance of one point, the point that moves most, from its mean position in the last quarter of the recording. The
-    beam is assumed to be released in the last frame with at least 97 % of the largest deflection.
-    """
+    """Return the number of the last frame with at least 97 % of the largest deflection, for points (n, p, 2)."""
     moved = np.nanstd(points_mm, axis=0).sum(axis=1)
     place = points_mm[:, int(np.nanargmax(moved))]
     visible = place[np.isfinite(place).all(axis=1)]

@@ -1,4 +1,4 @@
-"""Read motions of the beam (positions of points over time) from a table with one row for each point of each frame.
+"""Read motions of the beam from a table with one row for each point of each frame.
 
 The positions are in mm: x along the straight beam from the clamp, and y across the beam.
 """
@@ -32,22 +32,21 @@ POINT_COLUMNS = {
 
 
 def read_motion_csv(path: Path, specimen: SpecimenFile, facts: MotionFacts) -> tuple[Motion, ...]:
-    """Read motions from a table of tracked points. A point that has no row for a frame was not seen in this frame.
+    """Read motions from a table of tracked points.
 
     Parameters
     ----------
     path : Path
-        The table.
+        The table; a missing row means that the point was not found in the frame.
     specimen : SpecimenFile
         The specimen.
     facts : MotionFacts
-        Facts about the recording that the user gives. If `rate_Hz` is given, the time of a row is its frame number
-        divided by `rate_Hz`.
+        Facts about the recording that the user gives. A frame rate converts frame numbers into times.
 
     Returns
     -------
     tuple of Motion
-        One motion for each time that the beam was flicked (pushed briefly so that it swings).
+        One motion for each time that the beam was pushed briefly.
 
     Raises
     ------

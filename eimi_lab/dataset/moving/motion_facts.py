@@ -1,4 +1,4 @@
-"""Facts that the user gives about the recording of a motion, because the recording does not contain them."""
+"""Facts that the user gives about the recording of a motion."""
 
 from __future__ import annotations
 
@@ -14,15 +14,13 @@ class MotionFacts:
     Parameters
     ----------
     kind : {"ring_down", "creep"}
-        "ring_down" if the beam swings freely, "creep" if the beam creeps under a constant load.
+        "ring_down" for free oscillations, "creep" for creep under a constant load.
     rate_Hz : float, optional
-        Frames per second of the recording. The times of the frames are then computed from this rate, and the times in
-        the file are ignored. A video that is played in slow motion needs this rate.
+        Frames per second of the recording; it replaces the times in the file.
     released_s : float, optional
-        Time in the recording, in s, at which the beam was released, or at which the load of the beam changed.
+        Time in the recording at which the beam was released, or at which its load changed, s.
     hanging_N : float
-        Weight that hangs at the tip during the motion, N. For creep without ``removed_N``, this weight was hung on the
-        beam at the time ``released_s``.
+        Weight that hangs at the tip during the motion, N.
     removed_N : float
         Weight that was taken from the tip at the time ``released_s``, N.
     exposure_s : float, optional

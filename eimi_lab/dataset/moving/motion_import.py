@@ -35,16 +35,15 @@ def write_motion_dataset(
     path : Path
         The dataset.
     motions : sequence of Motion
-        At least one motion. All motions are ring-downs (free oscillations), or all are creep.
+        Either free oscillations or creep; at least one motion.
     specimen : SpecimenFile
         The specimen.
     calibration : Calibration, optional
-        Calibration of the pictures, which also gives the direction of gravity; None for tracked points.
+        Calibration of the pictures; None for tracked points.
     gravity_angle_deg : float, optional
-        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), from +x toward +y.
-        This is used only without a calibration.
+        Direction of gravity, degrees from +x (along the straight beam) toward +y, without a calibration.
     gravity : bool
-        Whether the simulation of the beam includes the weight of the beam. This is used only without a calibration.
+        Whether the simulation of the beam includes its weight, without a calibration.
     force : bool
         Whether an existing file is overwritten.
 
@@ -63,19 +62,21 @@ def write_motion_dataset(
 
 
 def add_motions(path: Path, motions: Sequence[Motion], specimen: SpecimenFile) -> None:
-    """Store ring-downs (free oscillations), or creep, in an existing dataset of the same beam.
-
-    Motions of the same kind that the dataset already contains are replaced. Raises InputError if the file cannot be
-    written.
+    """Store free oscillations, or creep, in a dataset of the same beam; they replace stored motions of the same kind.
 
     Parameters
     ----------
     path : Path
         The dataset.
     motions : sequence of Motion
-        At least one motion. All motions are ring-downs, or all are creep.
+        Either free oscillations or creep; at least one motion.
     specimen : SpecimenFile
-        The specimen, from whose length the amplitudes of the motions are computed.
+        The specimen.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
     size = sum(motion.points_mm.nbytes + 4 * motion.time_s.nbytes for motion in motions)
     with rewritten(path, size) as entry:

@@ -1,4 +1,4 @@
-"""Measure the motions of the beam in the recordings of a run: free oscillations (ring-downs) and creep."""
+"""Measure the motions of the beam in the recordings of a run: free oscillations and creep."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ def recorded_motions(
     projection: Projection | None,
     report: Callable[[str], None],
 ) -> tuple[Motion, ...]:
-    """Measure the motion of the beam in each ring-down (free oscillation) and each recording of creep of a run.
+    """Measure the motion of the beam in each free oscillation and each recording of creep of a run.
 
-    A recording in which no beam is found is left out, and a note about this recording is printed on standard error.
+    A recording in which no beam is found is left out, with a note on standard error.
 
     Parameters
     ----------
     dataset : Dataset
         A dataset of frames.
     edge_sets : sequence of EdgeSet
-        The edges of the beam that were found in each state (load step). If no state has edges, the result is empty.
+        The edges in each load step. Without edges, the result is empty.
     projection : Projection, optional
-        Weights with which the colours of the frames are converted to grey values.
+        Conversion of colours to grey values.
     report : callable
-        Function that is called with a line of text for each motion.
+        Function that gets a line of text for each motion.
 
     Returns
     -------
     tuple of Motion
-        All ring-downs, followed by the creep of the states.
+        The free oscillations, followed by the creep.
 
     Raises
     ------
@@ -80,27 +80,9 @@ def _followed(
     projection: Projection | None,
     label: str,
 ) -> Iterator[Motion]:
-    """Yield the motion of the beam in one recording of a run; yield nothing if no beam is found.
+    """Yield the motion of the beam in one recording of a run; nothing if no beam is found.
 
-    Parameters
-    ----------
-    dataset
-        The dataset.
-    frames
-        The frames of the recording.
-    kind
-        "ring_down" (free oscillation) or "creep".
-    step
-        The change of the current with which the motion began. The times of the motion count from this change, and
-        earlier frames are left out.
-    set_points
-        All set-points of the run.
-    from_A
-        Coil current before the change, A.
-    projection
-        Projection from colours to grey values.
-    label
-        Name of the motion.
+    ``step`` is the change of the current that began the motion, from ``from_A``. ``label`` is the motion's name.
     """
     calibration = dataset.calibration
     if calibration is None:

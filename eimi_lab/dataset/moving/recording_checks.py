@@ -1,4 +1,4 @@
-"""Checks of recorded motions of the beam: for lost frames, and for a camera slower than the protocol requires."""
+"""Check recorded motions of the beam for lost frames, and for a camera slower than the protocol requires."""
 
 from __future__ import annotations
 
@@ -28,14 +28,12 @@ SLOW = Check(
 
 
 def flag_names(motion: Motion) -> tuple[str, ...]:
-    """Return the names of the defects (flags) of a recorded motion of the beam; empty if no frame was lost."""
+    """Return the names of the defects (flags) of a recorded motion; empty if no frame was lost."""
     return (LOST.name,) if motion.lost_frames else ()
 
 
 def flagged_lines(motions: Sequence[Motion]) -> list[str]:
-    """Return a line of text for each recorded motion of the beam in which frames were lost.
-
-    The line consists of the name of the motion, the number of lost frames, and the flag (name of the defect).
+    """Return a line of text for each recorded motion in which frames were lost.
 
     Examples
     --------
@@ -51,7 +49,7 @@ def flagged_lines(motions: Sequence[Motion]) -> list[str]:
 
 
 def recordings_in_words(motions: Sequence[Motion]) -> str:
-    """Return a text with three numbers: the recorded motions of the beam, their frames, and the lost frames.
+    """Return a text with the number of recorded motions, of their frames, and of the lost frames.
 
     Examples
     --------

@@ -1,17 +1,7 @@
 """Store motions of the beam in a dataset, and read stored motions.
 
-The groups `ring_down_points` and `creep_points` of the file contain a group for each motion, with the name 0, 1, … and
-the NeXus class NXdata. For a motion of p points in n frames, the group of the motion contains:
-
-    points              (n, p, 2) positions of the points
-    time, sigma         (n, p) times and standard uncertainties of the points
-    rest                (p, 2) positions in the undeformed beam
-    history             (h, 2) times and currents of the h set-points before the motion
-    flags               names of the checks that the motion did not pass
-    tip_angle           (n,) computed from the points, for viewers
-    modal_amplitudes    (n, m) amplitudes of m modes, computed from the points, for viewers
-
-Single numbers are attributes of the group.
+Each motion has an HDF5 group in `ring_down_points` or `creep_points`, with arrays such as `points` (n, p, 2) for p
+points in n frames and `history` (h, 2) for the times and currents of the h set-points before the motion.
 """
 
 from __future__ import annotations
@@ -28,23 +18,26 @@ from eimi_lab.dataset.moving.recording_checks import flag_names
 
 GROUPS: dict[Kind, str] = {"ring_down": "ring_down_points", "creep": "creep_points"}
 
+# The group of a motion of p points in n frames contains points (n, p, 2), time and sigma (n, p), rest (p, 2), history
+# (h, 2: times and currents of the h set-points before the motion), flags (names of failed checks) and, for viewers,
+# tip_angle (n,) and modal_amplitudes (n, m). Single numbers are attributes.
 _NUMBERS = ("from_A", "to_A", "step_uncertainty_s", "lost_frames", "tip_force_N", "hanging_N")
 _ARRAYS = {"points": "mm", "time": "s", "sigma": "mm", "rest": "mm"}
 
 
 def write_motions(entry: h5py.Group, kind: Kind, motions: Sequence[Motion], length_mm: float) -> None:
-    """Store the ring-downs (free oscillations), or the creep, of a dataset, and replace stored motions of this kind.
+    """Store the free oscillations, or the creep, of a dataset, and replace stored motions of this kind.
 
     Parameters
     ----------
     entry : h5py.Group
-        The HDF5 group `entry`, which contains the whole dataset.
+        The HDF5 group that contains the whole dataset.
     kind : {"ring_down", "creep"}
         Kind of all motions.
     motions : sequence of Motion
         The motions in the order in which they were recorded.
     length_mm : float
-        Length of the beam, mm, with which the amplitudes of its modes are computed.
+        Length of the beam, mm.
     """
     if GROUPS[kind] in entry:
         del entry[GROUPS[kind]]
@@ -73,9 +66,9 @@ def _write(store: h5py.Group, motion: Motion, length_mm: float) -> None:
 
 
 def read_motions(entry: h5py.Group, kind: Kind) -> tuple[Motion, ...]:
-    """Return the stored motions of the beam of one kind, in the order of recording; empty if there are none.
+    """Return the stored motions of the beam of one kind, in the order of recording.
 
-    `entry` is the HDF5 group with the whole dataset. `kind` is "ring_down" (free oscillation) or "creep".
+    `entry` is the HDF5 group of the whole dataset. `kind` is "ring_down" (free oscillation) or "creep".
     """
     store = entry.get(GROUPS[kind], {})
     return tuple(_read(store[str(number)], kind) for number in range(len(store)))

@@ -23,9 +23,7 @@ def read_tracked_motion(
 ) -> tuple[Motion, ...]:
     """Read motions from the file of a tracking program.
 
-    A tracked marker may be at a small distance from the surface of the beam. If this distance is at most 5 % of the
-    length of the beam, the marker is replaced by the nearest point of the undeformed beam, with the same displacements.
-    Other markers are left out.
+    A marker at most 5 % of the beam's length away from the beam stands for its nearest point; others are left out.
 
     Parameters
     ----------
@@ -36,16 +34,14 @@ def read_tracked_motion(
     specimen : SpecimenFile
         The specimen.
     placing : Placing
-        The rule by which coordinates of the file are converted into the beam frame (x along the straight beam from the
-        clamp, y across; mm).
+        How coordinates are converted into mm along and across the straight beam.
     facts : MotionFacts
-        Facts about the recording that the user gives. If `rate_Hz` is given, the times follow from this rate instead of
-        the file.
+        Facts about the recording that the user gives. A frame rate replaces the times in the file.
 
     Returns
     -------
     tuple of Motion
-        One motion for each time that the beam was flicked (pushed briefly so that it swings).
+        One motion for each time that the beam was pushed briefly.
 
     Raises
     ------

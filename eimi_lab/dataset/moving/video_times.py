@@ -1,8 +1,7 @@
 """Find the times at which the frames of a video were recorded, also for videos in slow motion.
 
-The times in a slow-motion file of a phone are the times of the slow playback. The camera program of Android also stores
-the rate of the recording, with the key `com.android.capture.fps` (android.media.MediaRecorder.setCaptureRate). The key
-is in `moov` / `meta` (ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
+The camera program of Android stores the recording rate with the key `com.android.capture.fps` in `moov` / `meta`
+(ISO/IEC 14496-12; QuickTime File Format Specification, "Metadata Item Keys Atom").
 """
 
 from __future__ import annotations
@@ -28,19 +27,14 @@ _SAME = 0.02  # largest relative difference of two rates that count as equal
 def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
     """Return the times at which the frames of a video were recorded, in s from the first frame, shape (n,).
 
-    The file contains the times of the playback, which is slower than the recording for a video in slow motion. These
-    times are multiplied by the playback rate, divided by the recording rate. A lost frame therefore stays visible as a
-    longer interval. If the user gives no recording rate, it is read from the file; without a rate in the file, the
-    times of the playback are returned. A note on standard error reports the rate.
-
     Parameters
     ----------
     path : Path
         The video.
     stored_s : ndarray, shape (n,)
-        Times of the n frames in the file.
+        Playback times of the n frames, from the file.
     rate_Hz : float, optional
-        Frames per second of the recording; None to use the rate in the file.
+        Frames per second of the recording; by default the rate in the file or, without it, that of the playback.
 
     Raises
     ------
@@ -72,13 +66,7 @@ def recorded_times(path: Path, stored_s: Array, rate_Hz: float | None) -> Array:
 
 
 def capture_rate_Hz(path: Path) -> float | None:
-    """Return the rate at which a video was recorded, if the MP4 file contains this rate.
-
-    Returns
-    -------
-    float or None
-        Frames per second; None if the file does not contain the rate, or is not an MP4 file.
-    """
+    """Return the frame rate (Hz) of a recording that its MP4 file contains; None without such a rate."""
     try:
         header = _boxes(path)
     except (OSError, OverflowError, ValueError, struct.error):
@@ -97,10 +85,7 @@ def capture_rate_Hz(path: Path) -> float | None:
 
 
 def _boxes(path: Path) -> bytes:
-    """Return the bytes of the box `moov` (the block of metadata) of an MP4 file, at most 16 MiB.
-
-    The result is empty if the file has no such box.
-    """
+    """Return the block of metadata (box `moov`) of an MP4 file, at most 16 MiB; empty without this block."""
     with path.open("rb") as file:
         while head := file.read(16):
             if len(head) < 8:
@@ -118,10 +103,9 @@ def _boxes(path: Path) -> bytes:
 
 
 def _value(header: bytes, number: int) -> float | None:
-    """Return the rate in Hz that an MP4 file stores under one of its metadata keys; None without a plausible rate.
+    """Return the rate (Hz) that an MP4 file stores under its metadata key ``number`` (from 1); None if implausible.
 
-    ``header`` is the box `moov`, which is the block of metadata in the file. ``number`` is the number of the key in
-    this block, counted from 1.
+    ``header`` is the block of metadata (box `moov`).
     """
     items = header.find(b"ilst")
     while items >= 0:

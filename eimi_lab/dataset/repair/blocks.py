@@ -16,7 +16,7 @@ The search for a single flipped bit stays far below this limit. For a truncated 
 def is_sound(file: MendedFile, at: int, length: int) -> bool:
     """Return whether the checksum of a block of HDF5 metadata is correct.
 
-    The block begins at the position `at` of the file (bytes), and has `length` bytes including the checksum.
+    The block begins at the byte `at` of the file, and has `length` bytes including the checksum.
     """
     block = file.bytes_at(at, length)
     return 8 < length <= LONGEST_BLOCK and len(block) == length and lookup3(block[:-4]) == _stored(block)
@@ -41,8 +41,7 @@ def mend_block(file: MendedFile, at: int, length: int) -> bool | None:
     Returns
     -------
     bool or None
-        None if the checksum is correct. True if one bit was corrected. False if the checksum is wrong and no single bit
-        explains the error, or if the length is impossible.
+        True if one bit was corrected, False if the block cannot be corrected, None if the checksum is correct.
     """
     block = file.bytes_at(at, length)
     if not 8 < length <= LONGEST_BLOCK or len(block) < length:
@@ -75,8 +74,7 @@ def flipped_bit_within_budget(file: MendedFile, block: bytes, stored: int) -> in
     Returns
     -------
     int or None
-        Index of the bit, counted from the lowest bit of the first byte. None if no single bit explains the wrong
-        checksum, or if all searches in this file together would take too long.
+        Index of the bit, from the lowest bit of the first byte; None if no bit is found in the allowed time.
     """
     cost = 8 * len(block) ** 2  # one checksum of the whole block for each of its bits
     if file.searched_bytes + cost > MOST_SEARCHED_BYTES:

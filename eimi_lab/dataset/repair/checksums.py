@@ -1,7 +1,7 @@
 """Compute the checksums of HDF5 (lookup3 for metadata, fletcher32 for chunks), and search for one flipped bit.
 
 lookup3 is Bob Jenkins' function `hashlittle` with the initial value 0 (public domain, 2006); see HDF5 File Format
-Specification 3.0, appendix B. For the search, the checksums of many blocks of the same length are computed together.
+Specification 3.0, appendix B.
 """
 
 from __future__ import annotations
@@ -15,16 +15,12 @@ _ROW = 512  # number of words (16 bits) in a row of the arrangement by which `fl
 
 
 def lookup3(block: bytes) -> int:
-    """Return the checksum of a block of bytes (32 bits) by the function lookup3, as HDF5 stores it for metadata."""
+    """Return the checksum of a block of bytes (32 bits) by the function lookup3."""
     return int(lookup3_of_many(_words(np.frombuffer(block, np.uint8)[None, :]), len(block))[0])
 
 
 def _words(blocks: NDArray[np.uint8]) -> Words:
-    """Convert m blocks of n bytes each into words: little-endian numbers of 32 bits, as lookup3 needs them.
-
-    ``blocks`` has the shape (m, n), and the result has the shape (m, k). Each block is padded with zeros to 4 k bytes,
-    where 4 k is a multiple of 12.
-    """
+    """Convert m blocks of n bytes, shape (m, n), into zero-padded little-endian words of 32 bits, shape (m, k)."""
     length = blocks.shape[1]
     padded = np.zeros((len(blocks), max(12, -(-length // 12) * 12)), np.uint8)
     padded[:, :length] = blocks
@@ -37,7 +33,7 @@ def lookup3_of_many(words: Words, length: int) -> Words:
     Parameters
     ----------
     words : (m, k) array of uint32
-        For each block, its k little-endian words, padded with zeros to a multiple of 12 bytes.
+        k little-endian words of each block, padded with zeros to a multiple of 12 bytes.
     length : int
         Length of each block without the padding, bytes; at least 1.
 
@@ -93,7 +89,7 @@ def flipped_bit(block: bytes, stored: int) -> int | None:
     Returns
     -------
     int or None
-        Index of the bit, counted from the lowest bit of the first byte; None if there is no such bit.
+        Index of the bit, from the lowest bit of the first byte; None if there is no such bit.
     """
     plain = np.frombuffer(block, np.uint8)
     length = len(plain)
@@ -108,11 +104,10 @@ def flipped_bit(block: bytes, stored: int) -> int | None:
 
 
 def fletcher32(chunk: bytes) -> int:
-    """Return the checksum of a chunk that HDF5's filter fletcher32 computes.
+    """Return the checksum fletcher32 of a chunk, as HDF5 stores it.
 
-    Let w(1), ..., w(n) be the chunk as big-endian words of 16 bits. The low half of the checksum is the sum of all w(i)
-    modulo 65535. The high half is the sum of all (n + 1 - i) w(i) modulo 65535. A remainder of 0 is stored as 65535,
-    unless all words are 0.
+    For big-endian words w(1), ..., w(n) of 16 bits, the low half is the sum of all w(i) modulo 65535, and the high half
+    is the sum of all (n + 1 - i) w(i) modulo 65535. A remainder of 0 is stored as 65535, unless all words are 0.
     """
     count = -(-len(chunk) // 2)
     words = np.zeros(-(-count // _ROW) * _ROW, "<u2")
@@ -141,12 +136,12 @@ def flipped_bit_of_chunk(raw: bytes) -> int | None:
     Parameters
     ----------
     raw : bytes
-        The chunk. Its last four bytes are the checksum.
+        The chunk, with the checksum in the last four bytes.
 
     Returns
     -------
     int or None
-        Index of the bit, counted from the lowest bit of the first byte; None if there is no such bit.
+        Index of the bit, from the lowest bit of the first byte; None if there is no such bit.
     """
     stored, computed = int.from_bytes(raw[-4:], "little"), fletcher32(raw[:-4])
     if (stored ^ computed).bit_count() == 1:

@@ -1,7 +1,4 @@
-"""Correct flipped bits in the chunks of an array that HDF5 stored with the filter fletcher32.
-
-This filter appends a checksum to each chunk.
-"""
+"""Correct flipped bits in the chunks (stored pieces) of an array that have fletcher32 checksums."""
 
 from __future__ import annotations
 
@@ -14,19 +11,19 @@ FLETCHER32 = 3  # number of this filter in HDF5
 
 
 def mend_chunks(file: MendedFile, dataset: h5py.Dataset) -> int:
-    """Correct one flipped bit in each chunk that has a wrong checksum. A chunk is a stored piece of an array.
+    """Correct one flipped bit in each chunk (stored piece) of an array that has a wrong checksum.
 
     Parameters
     ----------
     file : MendedFile
-        The file, in which the corrected bytes are replaced in memory.
+        The file, whose bytes are corrected in memory.
     dataset : h5py.Dataset
         The array.
 
     Returns
     -------
     int
-        The number of corrected chunks; 0 if the array is not stored with the filter fletcher32.
+        The number of corrected chunks; 0 without fletcher32 checksums.
     """
     plist = dataset.id.get_create_plist()
     filters = [plist.get_filter(number)[0] for number in range(plist.get_nfilters())]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 class MendedFile(io.RawIOBase):
-    """A file that is open for reading, some of whose bytes are replaced. `h5py.File` accepts this object as a file.
+    """A file that is open for reading, some of whose bytes are replaced in memory. `h5py.File` accepts this object.
 
     Attributes
     ----------
@@ -20,8 +20,7 @@ class MendedFile(io.RawIOBase):
     patches : dict of int to int
         The new value of each replaced byte, by its position in the file.
     searched_bytes : int
-        Number of bytes that unsuccessful searches for a flipped bit have read. No further search is made if this number
-        exceeds a limit, so that a repair does not take too long.
+        Number of bytes that unsuccessful searches for a flipped bit have read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,10 +32,7 @@ class MendedFile(io.RawIOBase):
         self._at = 0
 
     def bytes_at(self, at: int, length: int) -> bytes:
-        """Return `length` bytes from the position `at` (bytes), in which the bytes of `patches` are replaced.
-
-        At the end of the file, fewer bytes are returned.
-        """
+        """Return `length` bytes from the position `at` (fewer at the end of the file), with replaced bytes."""
         content = self._map[at : at + length] if at >= 0 else b""
         if any(at <= place < at + len(content) for place in self.patches):
             patched = bytearray(content)
@@ -47,18 +43,15 @@ class MendedFile(io.RawIOBase):
         return content
 
     def readable(self) -> bool:
-        """Return True, because the file can be read."""
+        """Return True."""
         return True
 
     def seekable(self) -> bool:
-        """Return True, because the position in the file can be changed."""
+        """Return True."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Change the position in the file, and return the new position, bytes.
-
-        `offset` counts from the beginning, the present position or the end of the file, as `whence` tells.
-        """
+        """Change the position in the file, and return the new position, bytes; arguments as for `io.IOBase.seek`."""
         self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self.size}[whence]
         return self._at
 
@@ -67,10 +60,7 @@ class MendedFile(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Fill `buffer` with bytes from the present position, and return the number of bytes.
-
-        Some of the bytes may be replaced (`patches`).
-        """
+        """Fill `buffer` with bytes from the present position, and return the number of bytes."""
         content = self.bytes_at(self._at, len(buffer))
         buffer[: len(content)] = content
         self._at += len(content)
@@ -92,9 +82,6 @@ class MendedFile(io.RawIOBase):
         self.patches |= {at + offset: byte for offset, byte in enumerate(content)}
 
     def flip(self, at: int, bit: int) -> None:
-        """Flip one bit of the file, in memory only.
-
-        `bit` is the index of the bit, counted from the lowest bit of the byte at the position `at`.
-        """
+        """Flip one bit (0 is the lowest) of the byte at the position `at`, in memory only."""
         place = at + bit // 8
         self.patch(place, bytes([self.bytes_at(place, 1)[0] ^ 1 << bit % 8]))

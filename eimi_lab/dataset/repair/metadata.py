@@ -1,8 +1,7 @@
 """Correct single flipped bits in the metadata of an HDF5 file by means of the checksums of the metadata.
 
-In the HDF5 format that this program uses, every block of metadata has a checksum. A block is located by the four bytes
-of its signature, of which one bit may also be wrong. The length of the block follows from its first bytes or from its
-header (HDF5 File Format Specification 3.0, sections II to IV and VII).
+Blocks are located by the four bytes of their signature. Their length is in their first bytes or in their header (HDF5
+File Format Specification 3.0, sections II to IV and VII).
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ _OTHERS = re.compile(b"EAHD|EAIB|EADB|FRHP|FHDB|BTHD|BTLF")
 
 
 def mend_metadata(file: MendedFile) -> int:
-    """Correct one flipped bit in each damaged block of metadata of an HDF5 file.
+    """Correct one flipped bit in each damaged block of HDF5 metadata, and return the number of corrected blocks.
 
-    Metadata are HDF5's descriptions of groups and arrays. Returned is the number of corrected blocks.
+    Metadata are HDF5's descriptions of groups and arrays.
     """
     mended = 0
     for any_bit in (False, True):  # usually the signature itself is sound, and the first search is short
@@ -44,10 +43,7 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the signature (first four bytes of a block) from which `content` (4 bytes) differs by at most one bit.
-
-    None is returned if there is no such signature. `pattern` is the regular expression that lists all signatures.
-    """
+    """Return the block signature from which `content` (4 bytes) differs by at most one bit; None if there is none."""
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
             return name
@@ -55,11 +51,7 @@ def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | No
 
 
 def _mend_header(file: MendedFile, at: int) -> int:
-    """Correct the object header at the position `at` of a file and the continuation blocks of this header.
-
-    An object header is HDF5's description of one group or array; a long header continues in further blocks. Returns the
-    number of corrected blocks.
-    """
+    """Correct the description of a group or array (object header) at `at`; return the number of corrected blocks."""
     lengths = {_header_length(file.bytes_at(at, 64))}
     head = file.bytes_at(at, 64)
     for bit in range(32, 8 * min(len(head), 34)):  # the flipped bit may be in the field that holds the length
@@ -85,15 +77,9 @@ def _mend_header(file: MendedFile, at: int) -> int:
 
 
 def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
-    """Correct one flipped bit in the block at the position `at`, whose length is one of several possible lengths.
+    """Correct one flipped bit in the block at `at`, whose length is one of several possible lengths.
 
-    The flipped bit may be a bit of the length itself, so that the length is not known.
-
-    Returns
-    -------
-    mended, length
-        The number of corrected bits (0 or 1), and the length for which the checksum is now correct. Both numbers are 0
-        if the checksum is correct for none of the lengths.
+    Returns the number of corrected bits (0 or 1) and the length with a correct checksum (0 if there is none).
     """
     for length in lengths:
         if is_sound(file, at, length):
@@ -105,11 +91,9 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 
 
 def _header_length(head: bytes) -> int:
-    """Return the length in bytes of an object header of version 2, including its checksum.
+    """Return the length of an object header with its checksum, bytes; 0 if ``head`` does not begin such a header.
 
-    An object header is HDF5's description of one group or array. ``head`` contains the first bytes of the header. The
-    result is 0 if these bytes do not belong to an object header of version 2 (HDF5 File Format Specification 3.0,
-    section IV.A.1.b).
+    See HDF5 File Format Specification 3.0, section IV.A.1.b.
     """
     if len(head) < 34 or head[4] != 2:
         return 0
@@ -118,19 +102,14 @@ def _header_length(head: bytes) -> int:
 
 
 def _length_at(head: bytes) -> int:
-    """Return where an object header contains its own length: the position in bytes from the beginning of the header.
-
-    An object header is HDF5's description of one group or array. ``head`` contains the first bytes of the header.
-    """
+    """Return the position of the length in an object header, bytes from the beginning of the header."""
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
 
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
-    """Yield where each continuation block of an object header is in the file, and its length, both in bytes.
+    """Yield position and length, in bytes, of each block in the file that continues an object header.
 
-    An object header, HDF5's description of one group or array, consists of messages. A continuation message tells where
-    the header continues. ``messages`` contains the bytes of all messages in the header, and ``flags`` is the byte with
-    the flags of the header.
+    ``messages`` contains the bytes of all messages in the header, and ``flags`` the byte with its flags.
     """
     at, prefix = 0, 6 if flags & 4 else 4
     while at + prefix <= len(messages):
@@ -148,10 +127,9 @@ def _mend_signed(file: MendedFile, at: int, signature: bytes) -> int:
 
 
 def _mend_heap(file: MendedFile, at: int) -> int:
-    """Correct one flipped bit in the block of a heap at the position `at`; return the number of corrected bits.
+    """Correct one flipped bit in the block of names of a heap at `at`; return the number of corrected bits.
 
-    HDF5 stores the names of the members of a group in a heap. In the block with the names (the direct block), the
-    checksum is before the names and not at the end (HDF5 File Format Specification 3.0, section III.G).
+    The checksum is before the names (HDF5 File Format Specification 3.0, section III.G).
     """
     header = file.bytes_at(int.from_bytes(file.bytes_at(at + 5, 8), "little"), 146)
     if len(header) < 146 or not header[9] & 2:
@@ -175,12 +153,9 @@ def _mend_heap(file: MendedFile, at: int) -> int:
 
 
 def _block_lengths(file: MendedFile, at: int, signature: bytes) -> list[int]:
-    """Return the possible lengths (bytes) of a block of HDF5 metadata; an empty list if they cannot be determined.
+    """Return the possible lengths (bytes) of the block of HDF5 metadata at `at`; empty if they are unknown.
 
-    The block begins at the position `at` of the file, and `signature` contains its first four bytes, which tell the
-    kind of the block. Some kinds have a fixed length, and some have several possible lengths. Blocks of an "extensible
-    array", in which HDF5 lists the stored pieces of an array, have lengths that follow from its header; if the header
-    is damaged, the result is empty (HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII).
+    See HDF5 File Format Specification 3.0, sections III.A.2, III.G and VII.
     """
     match signature:
         case b"EAHD":

@@ -1,8 +1,6 @@
 """Check whether HDF5 can read a file that was never closed.
 
-If the metadata of an unclosed file are damaged, HDF5 assumes that a writer is changing the metadata, and reads the
-metadata again and again without end (observed with HDF5 2.0). Therefore the check runs in a second process with limited
-processor time.
+HDF5 2.0 may read damaged metadata without end. Therefore the check runs in a second process with limited time.
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ def why_unreadable(path: Path) -> str:
     Raises
     ------
     InputError
-        If the check exceeded the limit of processor time, or if the process that read the file was killed or crashed.
+        If the check exceeded the limit of processor time, or if its process was killed or crashed.
     """
     done = run_limited(path, [sys.executable, "-P", "-m", __name__, str(path)], WITHIN_S)
     if done.returncode == 0:
@@ -35,7 +33,7 @@ def why_unreadable(path: Path) -> str:
 def read_all_but_frames(path: str | Path) -> None:
     """Read every table of a file, and the positions of all frames, to check whether HDF5 can read the file.
 
-    The frames themselves are not read. For a damaged file, h5py may raise any error, or this function may never return.
+    For a damaged file, h5py may raise any error, or this function may never return.
     """
 
     def read(name: str, item: h5py.Group | h5py.Dataset) -> None:

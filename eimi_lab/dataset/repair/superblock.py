@@ -13,11 +13,7 @@ FLAGS_AT, END_AT = 11, 28
 
 
 def is_hdf5(file: MendedFile) -> bool:
-    """Return whether a file is an HDF5 file, even if it is damaged.
-
-    A damaged file is recognised if half of the bytes of the signature (the first eight bytes) are correct, or if the
-    file contains an object header (HDF5's description of a group or array).
-    """
+    """Return whether a file is an HDF5 file, even if it is damaged."""
     beginning = file.bytes_at(0, len(SIGNATURE))
     sound_bytes = sum(byte == right for byte, right in zip(beginning, SIGNATURE, strict=False))
     return file.size >= SUPERBLOCK_BYTES and (
@@ -26,11 +22,7 @@ def is_hdf5(file: MendedFile) -> bool:
 
 
 def close_superblock(file: MendedFile) -> None:
-    """Correct the superblock of a file and mark the file as closed, as the tool h5clear of HDF5 does.
-
-    The superblock is assumed to have version 3, the only version that HDF5 writes in its
-    single-writer-multiple-reader mode.
-    """
+    """Correct the superblock of a file of version 3 and mark the file as closed, as HDF5's tool h5clear does."""
     file.patch(0, SIGNATURE + b"\x03\x08\x08")
     mend_block(file, 0, SUPERBLOCK_BYTES)
     head = bytearray(file.bytes_at(0, SUPERBLOCK_BYTES - 4))

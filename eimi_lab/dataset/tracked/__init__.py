@@ -1,10 +1,10 @@
 """Import material points that another program tracked by motion capture, image correlation or video analysis.
 
-points_csv      the table points.csv of tracked points in the beam frame
-tracked_states  a dataset from the file of another program and a table of states
+points_csv      the table points.csv of tracked points
+tracked_states  a dataset from the file of another program and a table of load steps
 formats         the programs whose files can be read, by their names on the command line
-tracks          the value `Tracks`: positions of points in frames, in the unit and axes of the program
-axes            conversion of tracks into the beam frame
+tracks          the class `Tracks`: positions of points in frames, in the unit and axes of the program
+axes            conversion of tracks into mm along and across the beam
 numbers_table   tables of numbers in text files, with decimal points or decimal commas
 dice            files of DICe (image correlation)
 ncorr           files of Ncorr (image correlation)

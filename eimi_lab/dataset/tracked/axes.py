@@ -1,7 +1,4 @@
-"""Convert tracked points from the unit and the axes of their file into the beam frame.
-
-In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
-"""
+"""Convert tracked points from the unit and axes of their file into mm along the straight beam (x) and across it (y)."""
 
 from __future__ import annotations
 
@@ -25,16 +22,14 @@ PIXEL = "px"
 
 @dataclass(frozen=True, kw_only=True)
 class Placing:
-    """Information from the user that is needed to convert tracked points into the beam frame.
+    """Information from the user for the conversion of tracked points into mm along and across the straight beam.
 
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The user gives either
-    ``calibration``, or ``clamp`` and ``axis_deg``. In the second case, the user also gives ``unit`` if the file does
-    not contain its unit.
+    Either ``calibration``, or ``clamp`` and ``axis_deg`` are given.
 
     Parameters
     ----------
     calibration
-        Calibration of the pictures, if the positions in the file are pixels of these pictures.
+        Calibration of the pictures, if the positions are pixels of these pictures.
     unit
         Unit of the file: px, mm, cm, m or in; None if the file contains its unit.
     pixels_per_mm
@@ -42,11 +37,11 @@ class Placing:
     clamp
         Middle of the line at which the beam leaves the clamp, in the unit and axes of the file.
     axis_deg
-        Direction in which the beam leaves the clamp, degrees from +x toward +y in the axes of the file.
+        Direction in which the beam leaves the clamp, degrees from +x toward +y of the file.
     sigma
-        Standard deviation of one coordinate in the unit of the file; None if the file contains standard deviations.
+        Standard deviation of one coordinate in the unit of the file; None if the file contains it.
     rest
-        Number of the frame in which the beam is at rest; None if the file contains the positions of the points at rest.
+        Number of the frame with the beam at rest; None if the file contains the positions at rest.
     plane
         For points in three dimensions, the two axes of the plane in which the beam bends, such as ``"xz"``.
     """
@@ -63,20 +58,18 @@ class Placing:
 
 @dataclass(frozen=True)
 class PlacedTracks:
-    """Tracks of n points in k frames, converted into the beam frame; NaN for a point that was not seen in a frame.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam.
+    """Positions of n points in k frames, with x along the straight beam from the clamp, and y across the beam.
 
     Parameters
     ----------
     tracks
         The tracks in the unit and axes of their file.
     places_mm
-        Positions of the points in each frame, mm, shape (k, n, 2).
+        Positions in each frame, mm, shape (k, n, 2); NaN for a point that was not found.
     rest_mm
-        Positions of the points at rest, mm, shape (n, 2).
+        Positions at rest, mm, shape (n, 2).
     sigma_mm
-        Standard deviation of one coordinate of each point, mm, shape (k, n).
+        Standard deviation of one coordinate, mm, shape (k, n).
     """
 
     tracks: Tracks
@@ -86,14 +79,12 @@ class PlacedTracks:
 
 
 def place(tracks: Tracks, placing: Placing, origin: str) -> PlacedTracks:
-    """Convert tracks (positions of points in frames) from the unit and axes of their file into the beam frame.
-
-    In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
+    """Convert tracks (positions of points in frames) into mm along the straight beam from the clamp and across it.
 
     Parameters
     ----------
     tracks
-        The tracks.
+        The tracks, in the unit and axes of their file.
     placing
         Information from the user about unit, axes, rest and uncertainty.
     origin
@@ -140,10 +131,9 @@ def _in_plane(tracks: Tracks, placing: Placing, origin: str) -> Array:
 
 
 def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float, Callable[[Array], Array]]:
-    """Return the length of one unit of the file in mm, and a function that converts positions into the beam frame.
+    """Return the length of one unit of the file in mm, and a function that converts positions, shape (..., 2).
 
-    The function takes positions in the unit and axes of the file, shape (..., 2), and returns positions in mm. In the
-    beam frame, x runs along the straight beam from the clamp, and y across the beam.
+    The result of the function is in mm along the straight beam from the clamp (x) and across it (y).
     """
     calibration = placing.calibration
     if calibration is not None:
@@ -172,7 +162,7 @@ def _to_beam_frame(tracks: Tracks, placing: Placing, origin: str) -> tuple[float
 
 
 def _unit_mm(tracks: Tracks, placing: Placing, origin: str) -> float:
-    """Return the length in mm of one unit of the positions: the unit in the file, or the unit that the user gives."""
+    """Return the length in mm of one unit of the positions, as the file or the user gives it."""
     if tracks.unit is not None and placing.unit not in (None, tracks.unit):
         raise InputError(f"--unit {placing.unit}: contradicts {origin}, whose unit is {tracks.unit}; leave --unit out")
     unit = tracks.unit or placing.unit

@@ -1,7 +1,6 @@
 """Read C3D files of motion capture (c3d.org) with the library ezc3d (github.com/pyomeca/ezc3d).
 
-A C3D file contains markers in three dimensions. The parameter POINT:UNITS gives the unit, and the header gives the
-number of the first frame. A residual below 0 means that the marker was not seen.
+A C3D file contains markers in three dimensions. A residual below 0 means that the marker was not found.
 """
 
 from __future__ import annotations
@@ -39,10 +38,8 @@ READ_WITHIN_S, BYTES_PER_S = 10.0, 1e6
 def read_c3d(path: Path) -> Tracks:
     """Return the markers of a C3D file as tracks (positions of points in frames).
 
-    The frames have the numbers of the original recording. A second process reads the file, because a damaged file can
-    crash the process in which ezc3d runs.
-
-    Raises InputError if ezc3d is not installed, or if the file cannot be read.
+    A second process reads the file, because a damaged file can crash ezc3d. Raises InputError if ezc3d is not
+    installed, or if the file cannot be read.
     """
     if find_spec("ezc3d") is None:
         raise InputError(f"{path}: C3D needs another package: pip install 'eimi-lab[c3d]'")
@@ -57,11 +54,7 @@ def read_c3d(path: Path) -> Tracks:
 
 
 def _main(path: Path, within_s: str) -> None:
-    """Read a C3D file and write the positions of its markers in all frames to standard output, as a pickled `Tracks`.
-
-    This function runs in a process of its own, whose memory and processor time it limits first. ``within_s`` is the
-    limit of the processor time in s.
-    """
+    """Read a C3D file in this process, with limited memory and processor time (s), and print a pickled `Tracks`."""
     obey_processor_limit(within_s)
     bound_memory(path.stat().st_size)
     try:
@@ -77,11 +70,7 @@ def _main(path: Path, within_s: str) -> None:
 
 
 def bound_memory(file_bytes: int) -> None:
-    """Limit the memory of this process before it reads a C3D file of ``file_bytes`` bytes, which may be damaged.
-
-    Reading may use a quarter of the free memory, and at most a fixed multiple of the size of the file. The address
-    space of Python and its libraries is added to the limit.
-    """
+    """Limit the memory of this process before it reads a C3D file of ``file_bytes`` bytes, which may be damaged."""
     limit_memory(OWN_BYTES + min(free_memory_bytes() // SHARE_OF_FREE, UNPACKED_PER_BYTE * file_bytes))
 
 

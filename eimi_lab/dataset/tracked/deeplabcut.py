@@ -1,10 +1,6 @@
-"""Read the CSV file that DeepLabCut writes for a video.
+"""Read the CSV file that DeepLabCut writes for a video, with x, y (px from the upper left corner) and likelihood.
 
-The file begins with the header rows scorer, individuals (if there are several animals), bodyparts and coords. One row
-for each frame follows. The columns of a body part are x and y, in pixels from the upper left corner, and likelihood.
-
-Source of the format: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py`, and its documentation
-"Standard DeepLabCut user guide".
+Source: DeepLabCut, `deeplabcut/pose_estimation_tensorflow/predict_videos.py`, and "Standard DeepLabCut user guide".
 """
 
 from __future__ import annotations
@@ -17,15 +13,14 @@ from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 
 LEAST_LIKELIHOOD = 0.6  # DeepLabCut's default `pcutoff`: a position with a smaller likelihood counts as not seen
+# The header rows are scorer, individuals (for several animals), bodyparts and coords; one row for each frame follows.
 _HEADER = ("scorer", "individuals", "bodyparts", "coords")
 
 
 def read_deeplabcut(path: Path) -> Tracks:
-    """Read a DeepLabCut file, and return a track for each tracked point: its position in each frame, in px.
+    """Read a DeepLabCut file, and return the position of each tracked point in each frame, px.
 
-    DeepLabCut calls a tracked point a body part. If the file has several animals, the name of a track consists of the
-    name of the animal and the name of the body part. A position with a low likelihood counts as not found. Raises
-    InputError if DeepLabCut did not write the file.
+    A position with a low likelihood counts as not found. Raises InputError if DeepLabCut did not write the file.
     """
     rows = read_cells(path, ",")
     header = {cells[0]: cells[1:] for _, cells in rows[:4] if cells[0] in _HEADER}

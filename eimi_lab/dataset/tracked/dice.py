@@ -1,12 +1,7 @@
 """Read the text files of the image correlation program DICe, DICe_solution_N.txt.
 
-DICe writes one file for each frame (the first column is SUBSET_ID) or one file for each subset (the first column is
-FRAME). A file may begin with lines of "***". The names of the columns and the numbers follow. Coordinates are pixels of
-the reference picture; the centre of the first pixel is 0, 0, and y points down. SIGMA is the standard deviation of a
-displacement, or a negative number if the correlation failed.
-
-Source of the format: `Schema::write_output` in DICe_Schema.cpp, and the files under tests/examples/*/gold, of
-github.com/dicengine/dice.
+A file has the results of one frame (first column SUBSET_ID) or of one image region (FRAME), in pixels. Source:
+`Schema::write_output` in DICe_Schema.cpp, and files under tests/examples/*/gold, of github.com/dicengine/dice.
 """
 
 from __future__ import annotations
@@ -22,15 +17,17 @@ from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.process.errors import InputError
 
+# A file may begin with lines of "***"; the names of the columns and the numbers follow. Coordinates are pixels of the
+# reference picture; the centre of the first pixel is 0, 0, and y points down. SIGMA is the standard deviation of a
+# displacement, or a negative number if the correlation failed.
 _NEEDED = ("COORDINATE_X", "COORDINATE_Y", "DISPLACEMENT_X", "DISPLACEMENT_Y")
 Columns = dict[str, NDArray[np.float64]]
 
 
 def read_dice(path: Path) -> Tracks:
-    """Return the subsets in a DICe file, or in all DICe files of a folder, as tracks in pixels.
+    """Return the positions of the subsets in a DICe file, or in all DICe files of a folder, in each frame, px.
 
-    A subset is a small region of the picture that DICe follows. A track contains the positions of one subset in all
-    frames. Raises InputError if there is no DICe file, or if DICe did not write the files.
+    A subset is a small region of the picture. Raises InputError if there is no DICe file, or if DICe did not write it.
     """
     files = sorted(path.glob("*_[0-9]*.txt"), key=lambda file: natural_key(file.name)) if path.is_dir() else [path]
     if not files:
@@ -64,10 +61,9 @@ def _read(path: Path) -> Columns:
 
 
 def _rows(table: Columns, key: str) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return, for each row of a table, the number in the column ``key`` and an array of five numbers.
+    """Return, for each row of a table, the number in the column ``key`` and an array of five numbers in px.
 
-    The five numbers are the coordinates x and y in the reference picture, the displacements in x and y, and the
-    standard deviation of a displacement (NaN if the table has none), all in px.
+    They are x and y in the reference picture, two displacements, and their standard deviation (NaN if absent).
     """
     sigma = table.get("SIGMA", np.full(len(table[key]), np.nan))
     rows = np.column_stack([*(table[column] for column in _NEEDED), sigma])

@@ -1,14 +1,7 @@
-"""Read the points that the video program DLTdv exports.
+"""Read the points that the video program DLTdv exports: of one camera in pixels, or in three dimensions.
 
-PREFIXxypts.csv (or .tsv) contains points of one camera in pixels. PREFIXxyzpts.csv contains points in three dimensions.
-
-A dense file has the columns pt1_cam1_X, pt1_cam1_Y, … and one row for each frame, with NaN for a point that was not
-digitised. A sparse file has a title, the size of the table, and then lines with row, column and value. Pixels are
-counted from 1. In versions up to 7, y points up from the lower edge of the picture. In version 8, y points down. The
-file does not contain the version. The user therefore gives the position of the clamp and the direction of the beam's
-axis in the axes of the file.
-
-Source of the format: DLTdv7.m and DLTdv8a_internal/sparseSave.m of github.com/tlhedrick/dltdv.
+The y axis points up in versions up to 7, and down in version 8. Source: DLTdv7.m and DLTdv8a_internal/sparseSave.m of
+github.com/tlhedrick/dltdv.
 """
 
 from __future__ import annotations
@@ -24,15 +17,19 @@ from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.process.errors import InputError
 
+# PREFIXxypts.csv (or .tsv) contains points of one camera in pixels, PREFIXxyzpts.csv points in three dimensions. A
+# dense file has the columns pt1_cam1_X, pt1_cam1_Y, ... and one row for each frame, with NaN for a point that was not
+# digitised. A sparse file has a title, the size of the table, and lines with row, column and value. Pixels are counted
+# from 1. The file does not contain the version of DLTdv, so the user gives the clamp and the axis in the axes of the
+# file.
 _NAME = re.compile(r"(pt\d+)(?:_cam(\d+))?_([XYZ])")
 _MOST_CELLS = 100_000_000
 
 
 def read_dltdv(path: Path) -> Tracks:
-    """Return the points in a DLTdv file as tracks: points of one camera in pixels, or points in three dimensions.
+    """Return the positions of the points in a DLTdv file in each frame (counted from 1), as tracks.
 
-    A track contains the positions of one point in all frames. Frames are counted from 1. Raises InputError if DLTdv did
-    not write the file, or if the file has points of several cameras.
+    Raises InputError if DLTdv did not write the file, or if the file has points of several cameras.
     """
     lines = read_text(path).splitlines()
     if len(lines) > 1 and re.fullmatch(r"\d+\t\d+\t\d+", lines[1].strip()):
@@ -68,10 +65,9 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Convert the lines of a sparse DLTdv file, which lists only existing values, into a complete table.
+    """Convert the lines of a sparse DLTdv file into names of columns and a table with one row for each frame.
 
-    Returned are the names of the columns, and the table with one row for each frame. A value that the file does not
-    list is NaN.
+    A value that the file does not list is NaN.
     """
     rows, columns, stored = (int(cell) for cell in lines[1].split("\t"))
     entries = [line.split("\t") for line in lines[2:] if line.strip()]

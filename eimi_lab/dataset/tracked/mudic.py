@@ -1,10 +1,7 @@
 """Read the results of the image correlation program µDIC: the nodes of its mesh in every picture, in pixels.
 
-`muDIC.IO.save` writes a pickle. A pickle can run any code when it is loaded. Therefore only arrays are created from the
-file, and every other object is replaced by an object that does nothing.
-
-Source of the format: muDIC/IO/readWriteUtils.py, and class DICOutput in muDIC/solver/correlate.py, of
-github.com/PolymerGuy/muDIC: xnodesT and ynodesT have the shape (nodes, frames).
+A pickle can run any code, so only arrays are created from the file. Source: muDIC/IO/readWriteUtils.py, and class
+DICOutput in muDIC/solver/correlate.py, of github.com/PolymerGuy/muDIC.
 """
 
 from __future__ import annotations
@@ -32,12 +29,13 @@ _ARRAYS = {
 
 
 def read_mudic(path: Path) -> Tracks:
-    """Return the nodes of the mesh in a µDIC file as tracks, in pixels. Frame 0 is the reference picture.
+    """Return the positions of the mesh nodes in a µDIC file in each frame, px. Frame 0 is the reference picture.
 
-    A track contains the positions of one node in all frames. Raises InputError if µDIC did not write the file.
+    Raises InputError if µDIC did not write the file.
     """
     try:
         with path.open("rb") as file:
+            # `muDIC.IO.save` writes a pickle; xnodesT and ynodesT have the shape (nodes, frames)
             saved = _Harmless(file).load()
         x, y = (np.asarray(saved.__dict__[name], dtype=np.float64) for name in ("xnodesT", "ynodesT"))
     except Exception as error:  # a pickle that is damaged or holds something else may raise any error
@@ -51,7 +49,7 @@ def read_mudic(path: Path) -> Tracks:
 
 
 class _Inert:
-    """An object that accepts all calls and does nothing. It replaces every object of a pickle that is not an array."""
+    """An object that accepts all calls and does nothing, in place of an object in a pickle."""
 
     def __new__(cls, *arguments: Any, **named: Any) -> _Inert:
         return object.__new__(cls)
@@ -70,17 +68,16 @@ class _Inert:
         pass
 
     def append(self, value: Any) -> None:
-        """Do nothing with a value that would be appended to a list in the file. This object replaces the list."""
+        """Do nothing."""
 
     def extend(self, values: Any) -> None:
-        """Do nothing with values that would be appended to a list in the file. This object replaces the list."""
+        """Do nothing."""
 
 
 def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None) -> Any:
-    """Return an array that the library dill stored in a pickle; µDIC writes its files with dill.
+    """Return an array that the library dill stored in a pickle.
 
-    ``make`` is the function that creates an empty array, ``arguments`` are its arguments, and ``state`` contains the
-    shape and the values.
+    ``make`` creates an empty array from ``arguments``, and ``state`` contains the shape and the values.
     """
     array = make(*arguments)
     array.__setstate__(state)
@@ -88,7 +85,7 @@ def _create_array(make: Any, arguments: Any, state: Any, attributes: Any = None)
 
 
 class _Harmless(pickle.Unpickler):
-    """An unpickler that creates arrays, and replaces every other object of the file by an object that does nothing."""
+    """An unpickler that creates only arrays; every other object of the file becomes an object that does nothing."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module.startswith("dill.") and name == "_create_array":

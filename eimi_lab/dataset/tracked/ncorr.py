@@ -1,14 +1,7 @@
-"""Read the analysis that the image correlation program Ncorr saves as a MATLAB file.
+"""Read the analysis that the image correlation program Ncorr saves as a MATLAB file: displacements on a grid of pixels.
 
-The file contains displacements on a grid of pixels of the reference picture. Ncorr saves MATLAB files of version 7.3,
-which are HDF5 files. Files that were saved again as version 7 can also be read.
-
-data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i relative to the reference picture,
-in a unit that the user chose in Ncorr. The displacement is 0 outside the region of interest. dispinfo.pixtounits is the
-size of a pixel in this unit. dispinfo.spacing is the number of pixels between neighbouring points of the grid.
-
-Source of the format: `callback_topmenu_savedata`, and the description of `data_dic`, in ncorr.m of
-github.com/justinblaber/ncorr_2D_matlab.
+Displacements are in the user's unit, and 0 outside the region of interest. Source: `callback_topmenu_savedata`, and the
+description of `data_dic`, in ncorr.m of github.com/justinblaber/ncorr_2D_matlab.
 """
 
 from __future__ import annotations
@@ -26,14 +19,17 @@ from eimi_lab.dataset.tracked.tracks import Tracks
 from eimi_lab.process.errors import InputError
 
 Array = NDArray[np.float64]
+# The file is a MATLAB file of version 7.3 (HDF5), or of version 7 if it was saved again.
+# data_dic_save.displacements(i).plot_u_ref_formatted is the displacement of picture i relative to the reference
+# picture. dispinfo.pixtounits is the size of a pixel in the unit of the file. dispinfo.spacing is the number of pixels
+# between neighbouring points of the grid.
 _SAVED = "data_dic_save"
 
 
 def read_ncorr(path: Path) -> Tracks:
-    """Return the points of the grid in an Ncorr file as tracks (positions of points in frames), in pixels.
+    """Return the positions of the grid points in an Ncorr file in each frame, px. Frame 0 is the reference picture.
 
-    Frame 0 is the reference picture, and frame 1 is the next picture. Raises InputError if the file is not an analysis
-    of Ncorr, or if it contains no displacements.
+    Raises InputError if the file is not an analysis of Ncorr, or if it contains no displacements.
     """
     try:
         displacements, spacing, pixel = _of_hdf5(path) if h5py.is_hdf5(path) else _of_matlab_7(path)
@@ -70,23 +66,15 @@ def read_ncorr(path: Path) -> Tracks:
 
 
 def _of_hdf5(path: Path) -> tuple[list[tuple[Array, Array]], float, float]:
-    """Read the displacements and the grid from an Ncorr file of version 7.3.
+    """Return the displacements (x, y) of each picture, the number of pixels between grid points, and the pixel size.
 
-    Returns
-    -------
-    displacements, spacing, pixel
-        For each picture, the displacements in x and in y, each of shape (rows, columns), in the unit of the file. Then
-        the number of pixels between neighbouring points of the grid, and the size of a pixel in the unit of the file.
+    Displacements have the shape (rows, columns). Displacements and pixel size are in the unit of the file.
     """
     with h5py.File(path, "r") as file:
         saved = file[_SAVED]
         info, displacements = saved["dispinfo"], saved["displacements"]
 
         def each(name: str) -> list[Array]:
-            """Return the arrays of one field of the MATLAB structure, one array for each picture.
-
-            For one picture the field is the array. For several pictures the field contains references to arrays.
-            """
             field = displacements[name]
             items = [file[reference] for reference in np.ravel(field[()])] if field.dtype == h5py.ref_dtype else [field]
             return [_array(item).T for item in items]

@@ -24,7 +24,7 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
     path
         The file.
     separators
-        Possible separators of cells. The separator that is most frequent in the first five lines is used.
+        Possible separators of cells; the most frequent one is used.
     comment
         Lines that start with this text are skipped.
 
@@ -53,7 +53,7 @@ def read_cells(path: Path, separators: str = ",;\t", comment: str = "#") -> list
 
 
 def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
-    """Convert n cells of a table into numbers, shape (n,). An empty cell becomes NaN, and decimal commas are allowed.
+    """Convert n cells of a table into numbers, shape (n,); NaN for an empty cell. Decimal commas are allowed.
 
     Raises InputError, which names the line, for a cell that is not a number.
     """
@@ -68,8 +68,5 @@ def numbers(path: Path, line: int, cells: Sequence[str]) -> NDArray[np.float64]:
 
 
 def refused(path: Path, tool: str, expected: str) -> InputError:
-    """Return the error for a file that was not written by a tracking program.
-
-    ``tool`` is the name of the program, and ``expected`` is a sentence that describes the expected content.
-    """
+    """Return the error for a file that the tracking program ``tool`` did not write; ``expected`` is a sentence."""
     return InputError(f"{path}: is not a file of {tool}: {expected}")

@@ -1,6 +1,6 @@
-"""Read points.csv, a table of tracked points in the beam frame with one row for each point of each state (load step).
+"""Read points.csv, a table of tracked points with one row for each point of each load step.
 
-In the beam frame, x runs along the straight beam from the clamp, and y across the beam. The unit is mm.
+Positions are in mm: x along the straight beam from the clamp, and y across the beam.
 """
 
 from __future__ import annotations
@@ -48,28 +48,22 @@ def import_points(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from a table of tracked points and a table with the loads of each state (load step).
+    """Make a dataset from a table of tracked points and a table of load steps; return the number of load steps.
 
     Parameters
     ----------
     points, states
-        The table of points (points.csv) and the table of states (states.csv).
+        The table of points (points.csv) and the table of load steps (states.csv).
     specimen
         The specimen.
     gravity_angle_deg
-        Direction of gravity in the beam frame (x along the straight beam from the clamp, y across), from +x toward +y.
-        A tip force without an angle has this direction. None without gravity.
+        Direction of gravity, degrees from +x (along the straight beam) toward +y (across); None without gravity.
     path
         The dataset to write.
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the simulation of the beam includes the weight of the beam.
-
-    Returns
-    -------
-    int
-        The number of states.
+        Whether the simulation of the beam includes its weight.
 
     Raises
     ------
@@ -116,10 +110,7 @@ def _tracked(rows: list[Row], specimen: SpecimenFile) -> TrackedPoints:
 
 
 def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
-    """Raise InputError if the point in a row of points.csv is not on the beam at rest.
-
-    The error is also raised if the uncertainty of the point is not positive.
-    """
+    """Raise InputError if a point in points.csv is not on the beam at rest, or if its uncertainty is not positive."""
     beam = specimen.specimen
     if not -ON_THE_BEAM_MM <= row.number("x0_mm") <= beam.length_mm + ON_THE_BEAM_MM:
         raise row.fault("x0_mm", f"on the beam, from 0 to length_mm = {beam.length_mm:g}")
@@ -137,9 +128,7 @@ def check_on_beam(row: Row, specimen: SpecimenFile) -> None:
 def _within(key: str, size_mm: float, modelled_mm: NDArray[np.float64]) -> str:
     """Return how far a point may be from the centre line of the beam, as a part of an error message.
 
-    ``key`` is "width_mm" or "depth_mm", and ``size_mm`` is its value. If ``size_mm`` is a table along the beam, the
-    message gives the width or depth at the point, ``modelled_mm`` with the shape (1,). It is that of the simulated
-    beam, in which a step of the table is replaced by a short ramp.
+    ``key`` is "width_mm" or "depth_mm". ``modelled_mm`` (1,) is the simulated width or depth at the point.
     """
     if not rows_of(size_mm):
         return f"within half of {key} = {size_mm:g}"

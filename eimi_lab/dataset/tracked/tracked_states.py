@@ -33,7 +33,7 @@ def import_tracks(
     force: bool = False,
     gravity: bool = True,
 ) -> int:
-    """Make a dataset from points that another program tracked, and from a table of states (load steps).
+    """Make a dataset from points that another program tracked, and return the number of load steps.
 
     Parameters
     ----------
@@ -42,26 +42,19 @@ def import_tracks(
     tool
         Name of the tracking program on the command line, such as "tracker".
     states
-        Table with one row for each state: its frame (the number that the tracking program gives, or the time), and its
-        loads.
+        Table with the frame (number or time) and the loads of each load step.
     specimen
         The specimen.
     placing
-        The rule by which coordinates of the file are converted into the beam frame (x along the straight beam from the
-        clamp, y across).
+        How coordinates are converted into mm along and across the straight beam.
     gravity_angle_deg
-        Direction of gravity in the beam frame, degrees from +x toward +y. Ignored if ``placing`` has a calibration.
+        Direction of gravity, degrees from +x (along the straight beam) toward +y; ignored with a calibration.
     path
         The dataset to write.
     force
         Whether an existing file is overwritten.
     gravity
-        Whether the simulation of the beam includes the weight of the beam.
-
-    Returns
-    -------
-    int
-        The number of states.
+        Whether the simulation of the beam includes its weight.
 
     Raises
     ------
@@ -91,10 +84,9 @@ def import_tracks(
 
 
 def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
-    """Return the index of the frame that a row of the table of states (load steps) specifies.
+    """Return the index of the tracked frame whose number or time is in a row of the table of load steps.
 
-    The row contains the number or the time of a frame of the tracking program. The index counts the tracked frames
-    from 0. Raises InputError if there is no such frame.
+    Raises InputError if there is no such frame.
     """
     tracks = placed.tracks
     if ("frame" in row.cells) == ("time_s" in row.cells):
@@ -120,14 +112,10 @@ def _frame_of(row: Row, placed: PlacedTracks, source: Path) -> int:
 def points_on_beam(
     placed: PlacedTracks, at: list[int], specimen: SpecimenFile, source: Path, margin_mm: float | None = None
 ) -> NDArray[np.int64]:
-    """Return the indices of the n tracked points that are used for a dataset, shape (n,).
+    """Return the indices of the n tracked points that are on the beam at rest and appear in a used frame, shape (n,).
 
-    A point is used if it is on the beam at rest, and if it was seen in at least one of the frames that are used. ``at``
-    contains the indices of these frames. A point counts as on the beam up to a distance of ``margin_mm`` from the beam;
-    None stands for 2 % of the width of the beam. If there are very many points, only some of them are returned, evenly
-    spaced in the order of the file.
-
-    A note on standard error tells how many points are left out. Raises InputError if there is no suitable point.
+    ``at`` contains the indices of the used frames. ``margin_mm`` is the allowed distance from the beam (by default 2 %
+    of its width). Of very many points, only some are returned. Raises InputError if there is no suitable point.
     """
     beam, rest = specimen.specimen, placed.rest_mm
     margin = _OFF_THE_BEAM * beam.width_mm if margin_mm is None else margin_mm

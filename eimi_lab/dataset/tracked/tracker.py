@@ -1,12 +1,7 @@
-"""Read the data file that the video program Tracker (Open Source Physics) exports.
+"""Read the data file that the video program Tracker (Open Source Physics) exports, with one row for each frame.
 
-The file has a row with the names of the tracks, a row with the names of the columns, and then one row for each frame.
-"#multi:" is written before the names of several tracks. In files of early versions, the first line is the name of a
-single track. The first column is t or frame. A cell is empty if the track has no point in the frame. Any separator is
-possible, and numbers may have decimal commas. Positions are in the unit and axes of the calibration that the user made
-in Tracker; the file does not contain this unit.
-
-Source of the format: `ExportDataDialog.java` of github.com/OpenSourcePhysics/tracker.
+Positions are in the unit and axes of Tracker's calibration; the file does not contain the unit. Source:
+`ExportDataDialog.java` of github.com/OpenSourcePhysics/tracker.
 """
 
 from __future__ import annotations
@@ -18,14 +13,17 @@ import numpy as np
 from eimi_lab.dataset.tracked.numbers_table import numbers, read_cells, refused
 from eimi_lab.dataset.tracked.tracks import Tracks
 
+# The file has a row with the names of the tracks ("#multi:" before several names; a single name in early versions), a
+# row with the names of the columns, and one row for each frame. The first column is t or frame. A cell is empty if the
+# track has no point in the frame. Any separator is possible, and numbers may have decimal commas.
 _INDEPENDENT = ("t", "frame", "n", "step")
 
 
 def read_tracker(path: Path) -> Tracks:
-    """Return the tracks (positions of points in frames) in a file of Tracker, with the columns x and y of each track.
+    """Return the positions x and y of each tracked point in each frame of a Tracker file.
 
-    Other columns are ignored. If the first column contains times, the frames are counted from 0. Raises InputError if
-    Tracker did not write the file.
+    If the first column contains times, the frames are counted from 0. Raises InputError if Tracker did not write the
+    file.
     """
     rows = read_cells(path, "\t;, ")
     at = next((k for k, (_, cells) in enumerate(rows[:3]) if cells[0] in _INDEPENDENT), None)
@@ -57,7 +55,7 @@ def read_tracker(path: Path) -> Tracks:
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Return the names of the tracked points; if several points have the same name, a number is added to each."""
+    """Return the names of the tracked points, with a number added to names that are not unique."""
     return tuple(
         name if names.count(name) == 1 else f"{name} {names[: k + 1].count(name)}" for k, name in enumerate(names)
     )

@@ -12,30 +12,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
-    """Positions of n tracked points in k frames, in the unit and axes of the file.
-
-    An attribute is None if the file does not contain its value.
+    """Positions of n tracked points in k frames, in the unit and axes of their file; None for a value not in the file.
 
     Parameters
     ----------
     names
         Names of the points.
     frames
-        Numbers of the frames, as the tracking program counts frames, shape (k,).
+        Frame numbers of the tracking program, shape (k,).
     places
-        Positions of the points in each frame, shape (k, n, 2) or (k, n, 3); NaN for a point that was not seen in a
-        frame.
+        Positions in each frame, shape (k, n, 2) or (k, n, 3); NaN for a point that was not found.
     rest
-        Positions of the points in the reference picture, shape (n, 2).
+        Positions in the reference picture, shape (n, 2).
     sigma
-        Standard deviation of one coordinate of each point in each frame, shape (k, n).
+        Standard deviation of one coordinate, shape (k, n).
     unit
         Unit of the positions: px, mm, cm, m or in.
     times_s
-        Times of the frames in s, shape (k,).
+        Times of the frames, s, shape (k,).
     image_axes
-        Whether positions are pixels in the axes of a calibration: the centre of the first pixel is 0, 0, and y points
-        down.
+        Whether positions are pixels from the centre of the first pixel, with y down.
     """
 
     names: tuple[str, ...]
