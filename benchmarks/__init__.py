@@ -1,65 +1,62 @@
-"""Benchmarks: scripts that measure errors, times and faults of the program, and modules that these scripts share.
+"""Scripts that measure errors, times and faults of the program, and modules that these scripts share.
 
-Run a script with `python -m benchmarks.NAME` in the top folder. `python -m benchmarks` runs the scripts whose results
-are in docs/benchmarks.md. In this list, a beam, law or material is hidden if it is simulated with known parameters that
-the fit does not know. A planar model has two dimensions, and a solid model has three dimensions.
+Run a script in the top folder: `python -m benchmarks.NAME`. `python -m benchmarks` runs the scripts whose results are
+in docs/benchmarks.md. All these results were measured with one thread.
 
-speed               the time of one simulated curve of tip positions, and how this time grows
-peer, felupe_beam   the same curve in FElupe, another program for finite elements
-felupe_strip        a beam that is bent and tapered without load, in FElupe
-solid               the solid model: orders of convergence, difference from the planar model, time
-solid_mesh          the error of the modulus due to the mesh of the solid model
-hidden_solids       fits of hidden solids in plane strain, in plane stress and as solids, and the predicted bias
-imperfect_rigs      the error of the modulus due to one property of a bench that differs from the files
-ranked_causes       the rank of the true cause of the residuals in many fits of imperfect benches, as a table
-rendered_rigs       pictures of imperfect benches, and the edges found in these pictures
-rate_of_doubts      how often a fit of a bench whose files are right has a doubt
-usual_imperfections  the share of 95 % intervals that contain the truth if each input has its usual uncertainty
-mesh_convergence    the error of the tip's position for several meshes
-edges               the error of the edges that are found in rendered frames
-real_pictures       edges found in other people's photographs, compared with traced edges
-perturbed_pictures  the same in photographs that were scaled, brightened, blurred or compressed
-photographs         the error of the edges in rendered photographs of coloured beams
-published_strips    fits of two bodies of one silicone that other authors filmed
-phone               fits of rendered photographs as a phone takes them: a beam with weights
-flick               fits of rendered videos as a phone records them: a strip that a finger flicks
-lab_photographs     rendered photographs, each with one difficulty of a laboratory
-flag_pictures       a picture for every flag, a warning about the edges of a state
-report_pictures     a report in a browser, wide and narrow, and on paper
+speed               time of one simulated curve of tip positions, and of one fit
+peer, felupe_beam   the same curve in FElupe, another finite element program
+felupe_strip        a cantilever that is bent and tapered without load, in FElupe
+solid               the three-dimensional (solid) beam model, compared with other solutions
+solid_mesh          error of the modulus due to the mesh of the solid model
+hidden_solids       error of the modulus if a solid beam is fitted in plane strain or plane stress
+imperfect_rigs      error of the modulus if one property of a bench differs from its files
+ranked_causes       how often the fits of `imperfect_rigs` find the true cause of their residuals
+rendered_rigs       pictures of the benches of `imperfect_rigs`, and the edges in these pictures
+rate_of_doubts      how often a fit warns although the files of the bench are right
+usual_imperfections  share of 95 % intervals that contain the true modulus if all inputs have usual errors
+mesh_convergence    error of the tip's position for several meshes
+edges               error of the edges found in rendered pictures
+real_pictures       edges found in real photographs, compared with edges that a person traced
+perturbed_pictures  edges found in real photographs that were scaled, brightened, blurred or compressed
+photographs         error of the edges in rendered photographs of coloured beams
+published_strips    fits of two silicone bodies that other authors photographed
+phone               fits of rendered phone photographs of a beam with weights
+flick               fits of rendered phone videos of a strip that a finger flicks
+lab_photographs     edges in rendered photographs with one difficulty each, such as glare
+flag_pictures       a picture for every flag (warning about the edges)
+report_pictures     pictures of a report in a browser and on paper
 report_cost         time and memory of a report of three datasets
 fit_cost            time and memory of `eimi fit`
-page_delays         delays of the live page, the page in the browser that shows a running measurement
+page_delays         delays of the live page, which shows a running measurement in a browser
 picture_overlays    pictures of edges for the documentation
-seeds               the error of the modulus, for every law and five seeds of noise and search
-coverage            the share of 95 % intervals that contain the true value
-time_coverage       the share of 95 % intervals of viscoelastic laws that contain the hidden values
-time_tables         the tables of a viscoelastic fit, shared between the simulated measurements of time_coverage
-plan                widths of the modulus intervals from planned and from equally spaced fields
-time                frequencies, loss factors and Prony series, compared with references and hidden materials
-discover            how often `eimi discover` names the terms of hidden laws
-second_worker       the time that a second worker process saves
-storage             frames stored per second
-recording           frames of a fast camera that are recorded and lost
-first_frame         the time from the start of the program to the first frame
-settling            the time that the check for a motionless beam takes for each frame
-kill_campaign       kill measurements at random moments, and check the coil and the stored states
-off_campaign        cause every fault that can keep a coil on, at full current, and time the switching off
-off_faults          each fault that off_campaign causes, and how a run must react to it
-spoilt_bench        a measurement at full current on an emulated supply in another process
-spoilt_run          `eimi` with a camera in which another program can cause faults
-camera_faults       an emulated GigE camera that loses packets, vanishes or is replaced
-emulated_supply     an emulated supply in a separate process
-fuzz_files          read mutated HDF5 and TOML files, and count tracebacks and hangs
-mutants             put small mistakes into a copy of the code, and check whether the tests detect them
-generated_mistakes  mistakes that a generator makes in randomly drawn lines
+seeds               error of the modulus for every material law and five seeds of the noise
+coverage            share of 95 % intervals that contain the true modulus
+time_coverage       share of 95 % intervals of viscoelastic quantities that contain the true values
+time_tables         tables of frequencies for the fits of `time_coverage`
+plan                width of the modulus interval from planned and from equally spaced magnetic fields
+time                errors of computed frequencies and of fitted viscoelastic laws
+discover            how often `eimi discover` names the true terms of a simulated law
+second_worker       time that a second worker process saves
+storage             camera frames stored per second
+recording           recorded and lost frames of a fast camera
+first_frame         time from the start of the program to the first frame
+settling            time of the check whether a beam still moves
+kill_campaign       measurements killed at random moments: the coil and the stored states
+off_campaign        time to switch the coil off, for every fault that can keep a coil on
+off_faults          the faults of `off_campaign`, and the required reactions
+spoilt_bench        a measurement at full current with a fault
+spoilt_run          `eimi` with a camera in which files cause faults
+camera_faults       an emulated camera that loses packets, vanishes or is replaced
+emulated_supply     an emulated power supply in a separate process
+fuzz_files          reading of randomly changed files
+mutants             small mistakes in a copy of the code, and whether the tests detect them
+generated_mistakes  random mistakes in randomly drawn lines
 tests_by_line       the tests that execute each line of the code
-installation        the size of an installation on the disk
-numbers             compare the results of whole cases before and after a change of the code
-timing              measure the duration of a function
+installation        size of an installation on the disk
+numbers             results before and after a change of the code
+timing              duration of a function
 
 Code that the benchmarks share with the tests is in `tests/shared`.
-
-All results were measured with one thread, because more threads do not make matrices of this size faster.
 """
 
 import os

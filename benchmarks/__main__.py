@@ -152,7 +152,6 @@ def environment() -> str:
 
 
 def main() -> int:
-    """Run the chosen benchmarks; return 1 if a benchmark failed, else 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="use reduced sizes")
     parser.add_argument(

@@ -107,7 +107,6 @@ def rounded_region() -> str:
 
 
 def main() -> None:
-    """Print the table, one row for each fault of the camera."""
     print("| fault | frame | frames | wrong | lost | time of a frame | driver |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for size_px in SIZES_PX:

@@ -74,7 +74,6 @@ def line(row: Row) -> str:
 
 
 def main() -> None:
-    """Print the table; exit with status 1 if the share in one of the groups is outside the limits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--seed", type=int, default=1)

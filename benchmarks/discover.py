@@ -125,7 +125,6 @@ def row(name: str, words: Sequence[str]) -> str:
 
 
 def main() -> int:
-    """Print the table; return 0 if the goals are met, else 1."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--laws", type=int, default=100, help="number of hidden laws")
     parser.add_argument("--first", type=int, default=0, help="number of the first law")

@@ -48,7 +48,6 @@ SERVE = {"pty": serve_pty, "port": serve_port, "tcp": serve_tcp, "hislip": serve
 
 
 def main() -> None:
-    """Serve the emulated supply until the standard input ends."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("driver")
     parser.add_argument("transport", choices=SERVE)

@@ -57,7 +57,6 @@ def felupes(along: int, across: int) -> Array:
 
 
 def main() -> None:
-    """Print the tip displacements (mm) by both programs on two meshes."""
     for name, model, meshes in (("eimi_fitting", ours, ((13, 1), (26, 3))), ("FElupe", felupes, ((60, 6), (120, 12)))):
         for along, across in meshes:
             x, y = model(along, across)

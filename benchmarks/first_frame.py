@@ -34,7 +34,6 @@ def seconds_to_first_frame() -> float:
 
 
 def main() -> None:
-    """Start the program several times, and print the times (s) to the first frame."""
     seconds = [seconds_to_first_frame() for _ in range(REPEATS)]
     print(f"start to first frame: {min(seconds):.2f} to {max(seconds):.2f} s in {REPEATS} starts")
 

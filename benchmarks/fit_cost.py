@@ -111,7 +111,6 @@ def points_ms(states: int) -> float:
 
 
 def main() -> None:
-    """Print tables of time (s) and memory (MB) of `eimi fit`."""
     with tempfile.TemporaryDirectory(prefix="fit_cost") as folder:
         paths = {states: dataset(Path(folder) / f"{states}.h5", states) for states in STATES}
         few = paths[STATES[0]]

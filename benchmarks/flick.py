@@ -170,7 +170,6 @@ def difficulties(film: PhoneFilm) -> Iterator[tuple[str, PhoneFilm, float | None
 
 
 def main() -> None:
-    """Fit the videos, print a table with one row for each video, and count the results that meet the goals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

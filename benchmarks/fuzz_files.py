@@ -15,7 +15,6 @@ from tests.shared.mutated_files import fuzz
 
 
 def main() -> None:
-    """Print how many files were read, refused, and handled wrongly."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--files", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)

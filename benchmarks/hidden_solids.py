@@ -68,7 +68,6 @@ def fitted(specimen: Specimen, law: str, observed: EdgeObservation, true_Pa: flo
 
 
 def main() -> None:
-    """Print the error of the modulus for each specimen, material and kind of fit."""
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if "--short" in sys.argv else names:
         specimen = SPECIMENS[name]

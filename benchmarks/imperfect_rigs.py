@@ -259,7 +259,6 @@ def kept(imperfection: Imperfection, field_mT: Array, planar: bool, folder: Path
 
 
 def main() -> None:
-    """Simulate and fit the chosen imperfections; print two lines for each fit, and the counts of the ranks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("causes", nargs="*", metavar="CAUSE", help="rows to compute; default: all")
     parser.add_argument("--seeds", type=int, default=5, help="number of seeds of the noise")

@@ -41,7 +41,6 @@ def size_MB(package: Distribution) -> float:
 
 
 def main() -> None:
-    """Print a table of the packages: size (MB) and share of the installation (%)."""
     packages: dict[str, Distribution] = {}
     needed("eimi-lab", packages)
     sizes = {name: size_MB(package) for name, package in packages.items()}

@@ -281,7 +281,6 @@ def campaign(runs: int, resumed: float, seed: int, off_within_s: float) -> int:
 
 
 def main() -> None:
-    """Kill runs; exit with status 1 if a run had a fault."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=500, help="number of runs")
     parser.add_argument("--resumed", type=float, default=0.5, help="share of the runs with a file that are resumed")

@@ -43,7 +43,6 @@ def tip(mesh: tuple[int, int]) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the errors of the tip, and draw them if a file name is given."""
     reference = tip(FINEST)
     deflection = np.linalg.norm(reference - [30.0, 0.0])
     print(f"{FINEST[0]} x {FINEST[1]} elements: tip at ({reference[0]:.4f}, {reference[1]:.4f}) mm")

@@ -151,7 +151,6 @@ def compare(before: dict[str, Json], after: dict[str, Json], rtol: float) -> boo
 
 
 def main() -> None:
-    """Compute all results, write them to a file, and compare them with an earlier file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, help="file to write")
     parser.add_argument("--against", type=Path, help="earlier file to compare with")

@@ -169,7 +169,6 @@ def _row(name: str, outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Run the chosen trials; exit with status 1 if a trial failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=5, help="trials of each fault")
     parser.add_argument("--fault", action="append", help="name of a fault; may be repeated")

@@ -285,7 +285,6 @@ def stream(minutes: float) -> None:
 
 
 def main() -> None:
-    """Print the two delays of the live page, or with --stream its memory."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=6, help="number of runs for each supply")
     parser.add_argument(

@@ -39,7 +39,6 @@ def errors(tip: Array, reference: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print times and errors of both programs on all meshes; with --short, only on few meshes."""
     try:
         import felupe
 

@@ -44,7 +44,6 @@ def verdict(edges: EdgeSet, scored: PictureScore) -> str:
 
 
 def main() -> None:
-    """Print the number of pictures with each verdict, for each change of the photographs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--change", action="append", choices=list(CHANGES))
     parser.add_argument("--overlay", type=Path)

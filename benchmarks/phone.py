@@ -107,7 +107,6 @@ def outcome(seed: int, share: float, folder: Path) -> Outcome:
 
 
 def main() -> None:
-    """Print a table with one row for each scene, and whether all errors are below 5 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene")

@@ -67,7 +67,6 @@ def row(
 
 
 def main() -> None:
-    """Print a table with one row for each kind of plan."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=6, help="experiments for each row")
     parser.add_argument("--states", type=int, default=6, help="states of a plan")

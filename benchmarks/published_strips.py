@@ -125,7 +125,6 @@ def dataset(folder: Path, name: str, specimen: str, corners: str) -> Path:
 
 
 def main() -> None:
-    """Print the modulus (kPa) of the cantilever, of the spine and of both together, with 95 % intervals."""
     with tempfile.TemporaryDirectory(prefix="published_strips") as name:
         folder = Path(name)
         cantilever = dataset(folder, "cantilever", CANTILEVER, CORNERS_OF_CANTILEVER)

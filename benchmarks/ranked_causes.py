@@ -230,7 +230,6 @@ def _cells(words: Sequence[str]) -> str:
 
 
 def main() -> None:
-    """Print the table, and the number of fits that found the true cause of their residuals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
     lines = [line for path in parser.parse_args().files for line in path.read_text(encoding="utf-8").splitlines()]

@@ -130,7 +130,6 @@ def counts(results: Sequence[Ranked], values: Sequence[Mapping[str, float]]) -> 
 
 
 def main() -> None:
-    """Fit the experiments, print the results, and count the fits with warnings."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1, help="seed of the first experiment")

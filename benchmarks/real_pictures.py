@@ -114,7 +114,6 @@ def by_chance(points_px: Array, draws: int, rng: np.random.Generator) -> tuple[f
 
 
 def main() -> None:
-    """Print the table of the errors of the edges in each photograph."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--clicks", type=int, default=0, metavar="DRAWS")

@@ -19,7 +19,6 @@ CASES = ((1280, 1024, 120.0), (640, 480, 500.0))
 
 
 def main() -> None:
-    """Print the numbers of recorded and lost frames of each camera."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--folder", type=Path, help="folder on the disk to measure; default: a temporary folder")

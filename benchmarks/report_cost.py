@@ -31,7 +31,6 @@ def curve(path: Path) -> Path:
 
 
 def main() -> None:
-    """Print the time (s) and the memory (MB) of three reports of different size."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--curve", type=Path, help="file with a tensile test")
     parser.add_argument("--repeats", type=int, default=3, help="number of runs; the fastest counts")

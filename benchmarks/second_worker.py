@@ -20,7 +20,6 @@ ROUNDS = 3
 
 
 def main() -> None:
-    """Print the times (s) with one and with two processes, and the ratio of the medians."""
     parser = argparse.ArgumentParser(description="compute fits in one process and in two processes")
     parser.add_argument("dataset")
     parser.add_argument("--fits", type=int, default=48)

@@ -42,7 +42,6 @@ def measured(model: str, seed: int) -> Experiment:
 
 
 def main() -> None:
-    """Print the errors of the modulus (%), one line for each law and one column for each seed."""
     print("law            off by, % of the truth, seeds 1 to 5        largest")
     for model, truth in TRUTH.items():
         expected = float(LAWS[model].initial_shear_modulus(np.array(truth)))

@@ -29,7 +29,6 @@ def frame(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint8]
 
 
 def main() -> None:
-    """Print the time (ms) of the check, with one line for each size of the frames."""
     print(f"{'frame':8} {'new band':>10} {'kept band':>10} {'ratio':>8} {'the same':>9}")
     for name, shape in SIZES.items():
         rng = np.random.default_rng(1)

@@ -25,7 +25,6 @@ SLENDER = Specimen(60.0, 6.0, 12.0, 1070.0, "plane-stress")
 
 
 def main() -> None:
-    """Print the differences between the solid model and other solutions; with --short on coarse meshes."""
     short = "--short" in sys.argv
     for name in LAWS:
         print(f"{name}: depth held, from plane strain at most {against_plane_strain(name):.1e} mm")

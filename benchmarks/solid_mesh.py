@@ -46,7 +46,6 @@ def solid(specimen: Specimen, mesh: tuple[int, int, int]) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the error of the modulus (%) for each specimen and mesh."""
     short = "--short" in sys.argv
     names = [a for a in sys.argv[1:] if not a.startswith("-")] or list(SPECIMENS)
     for name in names[:1] if short else names:

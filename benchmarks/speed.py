@@ -54,7 +54,6 @@ def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
 
 
 def main() -> None:
-    """Print the tables of times, and draw them if a file name is given."""
     print(f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}, one thread")
     model, fine = BeamModel(SPECIMEN), BeamModel(SPECIMEN, 39, 3)
     loads = Loads.along(np.linspace(0, 7.05, 16))

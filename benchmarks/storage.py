@@ -32,7 +32,6 @@ def frames(count: int) -> list[Frame]:
 
 
 def main() -> None:
-    """Print how many frames per second are stored, and the speed of each step."""
     images = frames(FRAMES_PER_STATE)
     header = Header(load_specimen("type1"), load_calibration("virtual_calibration"))
     with tempfile.TemporaryDirectory() as folder:

@@ -177,7 +177,6 @@ def print_hidden(seed: int) -> bool:
 
 
 def main() -> None:
-    """Print the errors of computed frequencies, and of fits of simulated materials."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hidden", type=int, default=2, help="number of hidden materials")
     parser.add_argument("--seed", type=int, default=1, help="seed of the first material")

@@ -333,7 +333,6 @@ def table_of(outcomes: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Fit the draws that are not in the file yet, and print the table of all draws."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=500, help="number of hidden materials in the file at the end")
     parser.add_argument("--first", type=int, default=1, help="seed of the first material")

@@ -117,7 +117,6 @@ def width(o: Outcome) -> float:
 
 
 def main() -> None:
-    """Print how many intervals contain the true modulus, and compare the full with the quick fits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--experiments", type=int, default=2000, help="number of experiments")
     parser.add_argument("--full", type=int, default=24, help="number of experiments that are fitted in full")
