@@ -206,7 +206,7 @@ def compiles(text: str) -> bool:
 
 
 def unique_fragments(text: str, other: str, change: Change) -> tuple[str, str]:
-    """Return the changed lines before and after a change, with enough lines around them to occur only once.
+    """Return the changed lines before and after a change, with so many neighbouring lines that the old text is unique.
 
     `text` is the whole file before the change, `other` the whole file after the change.
     """

@@ -89,13 +89,13 @@ def _tilted(stated: Specimen) -> Specimen:
 
 
 def _loop(loads: Loads) -> Loads:
-    """Return the loads in the field of one current loop, which is strongest at the stated place of the beam."""
+    """Return the loads with the field of one current loop, which decreases along the beam."""
     table = FieldTable.of_loops(129.0, 0.0, (STATED.mechanics().field_place_mm, 0.0), (0.0, 1.0), 50.0)
     return replace(loads, coil=CoilShape((0.0, 1.0), table=table))
 
 
 def _softer(loads: Loads, stiffness: Array) -> Loads:
-    """Return the loads under which the unchanged beam bends as far as a softer beam under ``loads``.
+    """Return the loads that bend the unchanged beam as far as ``loads`` bend a softer beam.
 
     ``stiffness``, shape (K,): stiffness of the softer beam in K states, divided by that of the unchanged beam.
     """

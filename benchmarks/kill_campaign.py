@@ -2,9 +2,8 @@
 
     python -m benchmarks.kill_campaign --runs 500
 
-Each run is an `eimi acquire` on an emulated supply. The signal is TERM, HUP, INT or KILL. The exit status is 0 if no
-run
-had a fault.
+Each run is an `eimi acquire` on an emulated supply. The signal is TERM, HUP, INT or KILL. The exit status is 0 if every
+run passed both checks.
 """
 
 from __future__ import annotations

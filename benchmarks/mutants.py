@@ -159,8 +159,7 @@ def copied(project: Path, folder: Path) -> Path:
 def tried(mutant: Mutant, copy: Path) -> tuple[str, str]:
     """Put a mistake into a copy of the project, run its tests, and restore the copy.
 
-    Return "caught" (a test failed), "survived" (none failed) or "broken" (pytest failed), and a line of pytest's
-    output.
+    Return "caught" (a test failed), "survived" (none failed) or "broken" (pytest failed), and a line of the output.
     """
     left_out: list[str] = []
     while True:

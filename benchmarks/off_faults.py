@@ -35,7 +35,7 @@ class Fault:
     flows_on : bool
         Whether the current continues although the output is off.
     out_of_reach : bool
-        Whether no program can switch the coil off; the time limit then applies to a warning.
+        Whether no program can switch the coil off; the time limit is then that of a warning.
     not_said : str
         Regular expression that no message may match; empty for none.
     """

@@ -29,7 +29,7 @@ FELUPE_TOLERANCE_MM = 1e-3
 
 
 def errors(tip: Array, reference: Array) -> tuple[float, float]:
-    """Return the error of the tip in the last state, and the largest error of all states, % of the last deflection.
+    """Return the tip's error in the last state and its largest error, in % of the deflection in the last state.
 
     Both arrays have the shape (K, 2): x and y in mm in K states.
     """

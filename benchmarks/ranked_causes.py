@@ -164,7 +164,7 @@ class Ranked:
 
     @property
     def is_said(self) -> bool:
-        """Whether the 95 % interval contains the true modulus, perhaps after a correction that a warning states."""
+        """Whether the 95 % interval contains the true modulus, as it is or after a correction that a warning states."""
         if self.holds or self.doubted_percent is None:
             return self.holds
         least, most = self.doubted_percent

@@ -2,10 +2,9 @@
 
 python -m benchmarks.rate_of_doubts [--experiments 100] [--seed 1] [--exact] [--one-polarity] [--record FILE]
 
-Each experiment is a simulated measurement whose true inputs, such as a width, differ from the nominal values by their
-uncertainties. A warning may name a cause of the residuals, such as a tilted camera. A named cause counts as right if
-the
-cause was really drawn and has about the true size.
+Each experiment is a simulated measurement whose true inputs, such as a width, differ from the nominal values by random
+errors. A warning may name a cause of the residuals, such as a tilted camera. A named cause counts as right if it was
+really drawn and has about the true size.
 
 --exact         All inputs have their nominal values.
 --one-polarity  Use 8 increasing fields of one sign, not 13 fields of both signs.
@@ -39,7 +38,7 @@ _NEGLIGIBLE = 0.3  # error of the value of a cause that is right in any case, in
 
 
 def drawn_bench(seed: int) -> Imperfection:
-    """Return a bench whose true inputs differ from its files by random errors within the stated uncertainties."""
+    """Return a bench whose true inputs have random errors with the standard deviations that its files state."""
     deviations = _deviations(seed)
     setup = Setup.of(((s, part, value) for s, values in deviations.items() for part, value in enumerate(values)), 1)
     return Imperfection(

@@ -22,7 +22,7 @@ _TIMEOUT_S = 300
 
 
 def browser() -> str:
-    """Return the path of Chromium; exit with a message without it."""
+    """Return the path of Chromium; exit with a message if no browser is installed."""
     path_of_browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if path_of_browser is None:
         sys.exit(f"needs one of {', '.join(BROWSERS)}")

@@ -1,4 +1,4 @@
-"""Compare the solid finite element model with exact solutions, plane strain and FElupe (another program).
+"""Compare the solid finite element model with exact solutions, the planar model, and FElupe (another program).
 
 python -m benchmarks.solid [--short]
 """

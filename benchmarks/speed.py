@@ -1,8 +1,9 @@
-"""Measure the processor time of one simulated curve of tip positions (16 fields) and of one fit, and its growth.
+"""Measure the processor time of one simulated curve of tip positions (16 fields) and of one fit.
 
     python -m benchmarks.speed [FIGURE.png]
 
-The time grows with the numbers of candidates (sets of parameters that are solved together), fields and elements.
+The time of the curve is measured for growing numbers of candidates (sets of parameters that are solved together),
+fields and elements.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def cost_s(model: BeamModel, law: Law, candidates: np.ndarray, loads: Loads, rep
 
 
 def batch_ms(model: BeamModel, law: Law, size: int, loads: Loads) -> float:
-    """Return the processor time (ms) for one of `size` sets of parameters that are solved together."""
+    """Return the processor time (ms) to solve `size` sets of parameters together, divided by `size`."""
     return 1e3 * cost_s(model, law, population(law.name, size), loads) / size
 
 

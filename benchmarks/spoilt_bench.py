@@ -85,11 +85,10 @@ class Supply:
         return off_s
 
     def true_A(self, at_s: float) -> float:
-        """Return the current (A) that the emulated supply last reported before the time `at_s` (s, monotonic clock)."""
+        """Return the current (A) that the emulated supply last reported up to the time `at_s` (s, monotonic clock)."""
         return next((true_A for change_s, _, _, true_A in reversed(self.changes) if change_s <= at_s), 0.0)
 
     def close(self) -> None:
-        """End the process that emulates the supply."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.wait(WAIT_AT_MOST_S)

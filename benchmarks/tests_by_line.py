@@ -122,7 +122,6 @@ class TestsByLine:
         return tuple(within[:MOST_TESTS] or chosen[:1])
 
     def seconds(self, tests: Iterable[str]) -> float:
-        """Return the sum of the recorded durations (s) of `tests`."""
         return sum(self._seconds.get(test, 1.0) for test in tests)
 
     def _quickest(self, tests: Iterable[str], seconds: float) -> set[str]:

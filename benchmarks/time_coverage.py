@@ -2,9 +2,9 @@
 
     python -m benchmarks.time_coverage [--draws 500] [--first 1] [-o FILE.jsonl] [--table] [--whole]
 
-Each draw is a simulated measurement of a random material with two Prony terms, and a fit. Simplifications save time
-(comments in the module); --whole makes fewer. A draw is written to the file as a line of JSON; draws in the file are
-not repeated. --table only prints the table of the file.
+Each draw is a simulated measurement of a random material with two Prony terms, and a simplified fit. --whole makes
+fewer simplifications. A draw is written to the file as a line of JSON; draws in the file are not repeated. --table only
+prints the table of the file.
 
 The columns: "hold" is the share of intervals that contain the true value, "chance" its 95 % interval (Clopper and
 Pearson), and "width over needed" the stated divided by the observed standard deviation of ln(fitted value / true
@@ -101,7 +101,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
     """Return an elastic rod that replaces the nominal beam, and the derivatives of its parameters, shape (3, 3).
 
     Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: ln(length of the rod), ln(stiffness of
-    its
+    the
     hinge), loss of bending stiffness per squared curvature (m²).
     """
 
