@@ -36,7 +36,7 @@ _DEGREE = 7  # degree of the polynomial about which the scatter of an edge is co
 
 
 def stated_over_observed(edge: EdgePoints) -> float:
-    """Return the stated standard deviation of an edge's points, divided by the scatter of the points about a smooth line.
+    """Return the stated standard deviation of an edge's points, divided by their scatter about a smooth line.
 
     NaN for too few points.
     """

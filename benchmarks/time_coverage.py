@@ -101,8 +101,7 @@ def _stiffness_slopes() -> tuple[Stiffness, np.ndarray]:
     """Return an elastic rod that replaces the nominal beam, and the derivatives of its parameters, shape (3, 3).
 
     Rows: derivatives by ln(width), ln(depth), ln(length) of the beam. Columns: ln(length of the rod), ln(stiffness of
-    the
-    hinge), loss of bending stiffness per squared curvature (m²).
+    the hinge), loss of bending stiffness per squared curvature (m²).
     """
 
     def rod(specimen: Specimen) -> Stiffness:

@@ -72,8 +72,8 @@ def bending_rows(
     about : array, shape (J,)
         Coefficients (Pa) near the solution.
     lot : float
-        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens) between
-        production lots.
+        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens), which may
+        come from different production lots.
 
     Returns
     -------

@@ -163,8 +163,8 @@ def discover(
     most_terms : int
         Largest number of terms of a law.
     lot : float
-        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens) between
-        production lots.
+        Relative standard deviation of the ratio (modulus of the beams) / (modulus of the tensile specimens), which may
+        come from different production lots.
     modulus_Pa : float, optional
         Shear modulus of a Neo-Hookean fit to the bending tests, Pa; by default the fit is made here.
     seed : int
