@@ -39,7 +39,7 @@ MEASURED = Path(__file__).parents[2] / "shared" / "data"
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Use one more worker than there are processors, because many tests wait for emulated instruments."""
+    """Use one more worker than there are processors, because many tests wait."""
     return (os.cpu_count() or 1) + 1
 
 
@@ -55,7 +55,7 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """If there are several workers, run the slowest test files first; otherwise keep the order of the files."""
+    """Run the slowest test files first if there are several workers."""
     if not hasattr(config, "workerinput"):
         return
     place = {name: k for k, name in enumerate(_LONGEST)}
@@ -64,10 +64,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Exclude the objects of the collected tests from garbage collection.
-
-    These objects stay until the end. Each search for garbage among them would take about half a second.
-    """
+    """Exclude the collected tests from garbage collection, which saves time."""
     gc.disable()
     try:
         return (yield)
@@ -77,11 +74,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def started_in(test: str) -> list[int]:
-    """Return the numbers of the processes that a test has started, directly or indirectly.
-
-    The list is empty on a system without /proc. Processes of multiprocessing are left out, because they end with their
-    parent and may serve another test.
-    """
+    """Return the numbers of the processes (except multiprocessing) that a test has started; empty without /proc."""
     marks = (f"PYTEST_CURRENT_TEST={test} (call)\0".encode(), f"EIMI_TESTS_OF={os.getpid()}\0".encode())
     processes = []
     for process in Path("/proc").glob("[0-9]*"):
@@ -94,10 +87,7 @@ def started_in(test: str) -> list[int]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """After a failed test, kill the processes that the test left behind.
-
-    A guardian, the process that switches a coil off if a run dies, would otherwise keep trying for an hour.
-    """
+    """After a failed test, kill the processes that the test left behind."""
     report = yield
     if report.failed:
         for process in started_in(item.nodeid):
@@ -108,7 +98,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.fixture(autouse=True)
 def log_as_before() -> Iterator[None]:
-    """After each test, give the loggers of the project the settings that they had before the test."""
+    """After each test, restore the settings of the project's loggers."""
     loggers = [
         logger
         for name, logger in logging.Logger.manager.loggerDict.items()
@@ -125,10 +115,7 @@ def log_as_before() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def measured() -> Path:
-    """The folder with measured data: tracked points of a beam (`real_beam`) and tensile tests (`tensile`).
-
-    Tests that need the data are skipped if the folder is missing.
-    """
+    """The folder of measured data: `real_beam` (tracked points) and `tensile`; tests are skipped without it."""
     if not MEASURED.is_dir():
         pytest.skip("needs ../shared/data beside the checkout: measured data that are not ours to ship")
     return MEASURED

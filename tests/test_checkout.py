@@ -1,4 +1,4 @@
-"""The tests test this checkout, and not a copy that is installed elsewhere."""
+"""The tests run on this checkout, and not on a copy that is installed elsewhere."""
 
 from __future__ import annotations
 
@@ -36,10 +36,7 @@ def test_a_command_imports_the_checkout(package: str, tmp_path: Path) -> None:
 
 
 def test_every_package_is_installed() -> None:
-    """pyproject.toml lists every package; a wheel would not contain a package that is missing in this list.
-
-    An editable install contains the package nevertheless, so that other tests do not notice a missing entry.
-    """
+    # An editable install also contains packages that pyproject.toml lacks; a wheel does not.
     listed = set(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"])
     rooms = set()
     for package, folder in PACKAGES.items():

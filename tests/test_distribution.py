@@ -1,4 +1,4 @@
-"""The source archive and the wheel contain every file of the packages, and the wheel works without a checkout."""
+"""The source archive and the wheel contain every file of the packages, and the wheel works alone."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ FOLDERS = {
 
 
 def folder_of(package: str) -> Path:
-    """Return the folder of a package, from the entries in pyproject.toml.
-
-    The entry of a subpackage has precedence over the entry of its parent.
-    """
+    """Return the folder of a package, from the entries in pyproject.toml."""
     parents = [name for name in FOLDERS if f"{package}.".startswith(f"{name}.")]
     if not parents:
         return ROOT / package.replace(".", "/")
@@ -32,7 +29,6 @@ def folder_of(package: str) -> Path:
 
 
 def test_every_file_of_a_package_is_in_the_wheel() -> None:
-    """Every file of a package matches a pattern of package-data; a wheel silently omits all other files."""
     assert SETTINGS["include-package-data"] is False
     packages = {folder_of(package): package for package in SETTINGS["packages"]}
     left_out = []
@@ -50,10 +46,7 @@ def test_every_file_of_a_package_is_in_the_wheel() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt" or not (ROOT / ".git").exists(), reason="needs bash and a clone")
 def test_archive_and_wheel_without_a_checkout(tmp_path: Path) -> None:
-    """A wheel that is built from the source archive runs commands and tests in an empty environment.
-
-    The script `.ci/package` does this; it needs a package index.
-    """
+    # The script `.ci/package` needs a package index.
     command = [shutil.which("bash") or "bash", str(ROOT / ".ci" / "package"), str(tmp_path / "package")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

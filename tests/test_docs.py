@@ -1,9 +1,7 @@
 """Every command of the documentation runs in order, generated pages are up to date, and the site builds.
 
-A comment before a block of commands gives an exception: `<!-- not run: why -->`; `<!-- refused -->` if the block ends
-with status 2; `<!-- short: command -->` with a command that replaces the block unless slow tests run. Blocks with a
-title are files that the reader writes. Shortened runs have three states of a virtual beam with a coarse mesh, and
-shortened fits are planar.
+A comment before a block of commands gives an exception: `<!-- not run: why -->`, `<!-- refused -->` (exit status 2), or
+`<!-- short: command -->` (a replacement, unless slow tests run).
 """
 
 from __future__ import annotations
@@ -43,9 +41,10 @@ SHORTER = {
 
 @dataclass(frozen=True)
 class Block:
-    """A block of commands, or a block with the text of a file, on a page of the documentation.
+    """A block of commands, or of the text of a file, on a page of the documentation.
 
-    note: text of the comment before the block. title: name of the file, empty for commands.
+    note : text of the comment before the block
+    title : name of the file; empty for commands
     """
 
     note: str
@@ -54,17 +53,16 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Return the blocks of commands and files on a page, in their order."""
+    """Return the blocks of commands and files on a page."""
     matches = BLOCK.finditer(page.read_text(encoding="utf-8"))
     every = [(match["kind"], Block(match["note"] or "", match["title"] or "", match["text"])) for match in matches]
     return [block for kind, block in every if kind == "sh" or block.title]
 
 
 def follow(page: Path, folder: Path, shortened: bool) -> None:
-    """Run the commands of a page in a folder that looks like a clone of the repository.
+    """Run the commands of a page in a folder with its files.
 
-    The files whose text the page contains are written to this folder, too. shortened: whether short runs and fits
-    replace the runs and fits of the page.
+    shortened : whether short runs and fits replace those of the page
     """
     for name in ("examples", "protocols", "benchmarks", "tests"):
         (folder / name).symlink_to(ROOT / name)
@@ -95,10 +93,7 @@ def follow(page: Path, folder: Path, shortened: bool) -> None:
 
 
 def shorten(folder: Path) -> None:
-    """Write the files with which the commands of a page run quickly, to the folder of these commands.
-
-    They are a protocol of three states, a virtual rig with a coarse mesh, and a specimen in plane stress.
-    """
+    """Write files for short runs: three load steps, a rig with a coarse mesh, and a specimen in plane stress."""
     protocols = ROOT / "protocols"
     protocol = (protocols / "dragon_skin_10_quick.toml").read_text(encoding="utf-8")
     protocol = re.sub(r"start_A = .*\nstop_A = .*\nstep_A = .*\n", "values_A = [0.0, 0.8, 1.5]\n", protocol, count=1)
@@ -113,7 +108,7 @@ def shorten(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which the first tutorial was run in its shortened form."""
+    """The folder after the first tutorial in its short form."""
     folder = tmp_path_factory.mktemp("first_beam")
     follow(DOCS / FIRST, folder, shortened=True)
     return folder
@@ -151,7 +146,6 @@ def test_a_notebook_is_committed_with_its_outputs(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_runs_without_shortening(page: Path, begun: Path, tmp_path: Path) -> None:
-    """Every command of a page runs unshortened, and a tutorial finds the modulus of its virtual beam."""
     if page.parent.name == "howto":
         for made in ("run.h5", "fits.json"):
             shutil.copy(begun / made, tmp_path)

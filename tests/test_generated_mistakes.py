@@ -1,4 +1,4 @@
-"""The generator of deliberate mistakes changes one place of valid code each time; equal seeds give equal mistakes."""
+"""The generator of deliberate mistakes changes one place of valid code; equal seeds give equal mistakes."""
 
 from __future__ import annotations
 

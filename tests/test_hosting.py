@@ -39,7 +39,6 @@ def test_the_workflow_tests_every_python_and_every_system() -> None:
 
 
 def test_the_workflow_and_the_hooks_check_what_the_script_checks() -> None:
-    """The script `.ci/run`, the hosted workflow and the hooks before a commit all run the same four checks."""
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     lint = [step.get("run", "") for step in read(".github/workflows/ci.yml")["jobs"]["lint"]["steps"]]
     hooks = {hook["entry"].split()[0] for hook in read(".pre-commit-config.yaml")["repos"][0]["hooks"]}
@@ -62,7 +61,6 @@ def test_an_issue_form_has_its_labels_and_fields(form: Path) -> None:
 
 
 def test_a_release_has_the_same_version_everywhere() -> None:
-    """The changelog, the citation file, and a package that is built without tags state the same version."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest, day = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)[0]
     citation = read("CITATION.cff")
@@ -71,10 +69,6 @@ def test_a_release_has_the_same_version_everywhere() -> None:
 
 
 def test_zenodo_gets_the_data_of_the_citation_file() -> None:
-    """.zenodo.json, which Zenodo reads instead of CITATION.cff, has the same title, authors, licence and keywords.
-
-    It contains no version and no date, which Zenodo takes from the tag.
-    """
     citation, record = read("CITATION.cff"), json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
     assert record["title"] == citation["title"]
     assert record["license"] == citation["license"]

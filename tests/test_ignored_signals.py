@@ -1,4 +1,4 @@
-"""Tests that run in the background react to Ctrl-C and hang-up, although their process starts with both ignored."""
+"""Tests react to Ctrl-C and hang-up, even if pytest was started with both ignored."""
 
 from __future__ import annotations
 
@@ -22,10 +22,7 @@ def ignore() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals to pass on")
 def test_tests_started_with_ignored_signals_restore_them() -> None:
-    """If pytest starts with Ctrl-C and hang-up ignored, tests and programs started by tests still react to both.
-
-    One test sends itself Ctrl-C, and another test checks the signals of a program that it starts.
-    """
+    # One test sends itself Ctrl-C, and another test checks the signals of a program that it starts.
     chosen = ("tests/lab/test_contact.py::test_a_second_ctrl_c_leaves_out_the_ramp", f"{__file__}::{_HEEDED}")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n0", "-p", "no:cacheprovider", *chosen]
     done = subprocess.run(command, cwd=PROJECT, preexec_fn=ignore, capture_output=True, text=True, timeout=PATIENCE_S)

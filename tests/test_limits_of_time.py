@@ -31,7 +31,7 @@ def test_that_hangs():
 
 
 def test_every_test_has_a_time_limit() -> None:
-    """The settings give every test a time limit, which is not 0; 0 would mean that there is no limit."""
+    # 0 would mean that there is no limit.
     options = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
     assert 0 < options["timeout"] <= 900
 
@@ -43,11 +43,7 @@ def test_the_time_limit_applies_to_this_test(request: pytest.FixtureRequest) -> 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="has no /proc to look programs up in")
 def test_a_hanging_test_is_ended_with_its_processes(tmp_path: Path) -> None:
-    """A test that never ends is ended at its time limit, together with the two processes that it has started.
-
-    One process is a child of the test. The other process is an orphan in a separate session, as the guardian
-    process is, which switches the coil off if a run dies.
-    """
+    # One process is a child of the test; the other one is an orphan in a separate session.
     (tmp_path / "test_hanging.py").write_text(HANGING)
     options = ("-q", "-n0", "-p", "no:cacheprovider", "-p", "conftest", "-c", PROJECT / "pyproject.toml")
     command = [sys.executable, "-m", "pytest", *options, tmp_path]

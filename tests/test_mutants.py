@@ -1,9 +1,4 @@
-"""The lists of deliberate mistakes agree with the code, and a report says whether the tests detect each mistake.
-
-A mistake replaces a fragment of the code, in a copy of the project. The fragment must occur in the code, and the tests
-that the list names for the mistake must exist. `benchmarks.mutants` makes one mistake at a time, runs its tests, and
-reports the mistake as detected if a test fails.
-"""
+"""The lists of deliberate mistakes agree with the code, and a report says whether tests detect each mistake."""
 
 from __future__ import annotations
 
@@ -22,10 +17,7 @@ PROJECT = Path(__file__).parents[1]
 
 @pytest.mark.parametrize("room", sorted(path.stem for path in LISTS.glob("*.toml")))
 def test_every_mistake_applies_to_the_code_and_names_existing_tests(room: str) -> None:
-    """The code contains the right fragment for each deliberate mistake in the list, and the tests of the mistake exist.
-
-    If this test fails, the code has changed: update the fragment of the mistake, or replace the mistake.
-    """
+    # If this test fails, the code has changed: update the fragment of the mistake, or replace the mistake.
     for mutant in every_mutant():
         if mutant.room != room:
             continue
@@ -45,10 +37,6 @@ def test_there_are_enough_mistakes_and_none_occurs_twice() -> None:
 
 
 def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -> None:
-    """The runner reports whether the tests detect a deliberate mistake, and then restores the copy of the code.
-
-    This test uses a project of one line and one test.
-    """
     project = tmp_path / "small"
     project.mkdir()
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')
@@ -75,11 +63,7 @@ def test_a_caught_mistake_is_reported_and_the_copy_is_restored(tmp_path: Path) -
 def test_a_generated_mistake_that_the_map_misses_is_tried_with_the_tests_of_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the tests that execute a line do not detect a deliberate mistake in it, the tests of its folder are tried.
-
-    A map names, for each line of code, the tests that execute it. In this example, the test in the map does not notice
-    that a sum has become a product; the test that is listed for the folder does.
-    """
+    # The test in the map does not notice that a sum has become a product; the test of the folder does.
     project = tmp_path / "small"
     (project / "inner").mkdir(parents=True)
     (project / "pyproject.toml").write_text('[tool.pytest.ini_options]\nfilterwarnings = ["error"]\n')

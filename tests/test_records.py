@@ -1,7 +1,4 @@
-"""Records, the objects of the dataclasses of this project, cannot be changed (the dataclasses are frozen).
-
-This file lists the exceptions: objects whose contents grow while the program runs.
-"""
+"""The dataclasses of this project are frozen, except those in the list CHANGING."""
 
 from __future__ import annotations
 
@@ -45,11 +42,6 @@ def dataclasses_of_the_packages() -> Iterator[type]:
 
 
 def test_a_record_cannot_be_changed() -> None:
-    """All dataclasses of the packages are frozen, except those in the list CHANGING.
-
-    The program changes a record by making a changed copy (`dataclasses.replace`). No part of the program can therefore
-    change a record that another part holds.
-    """
     found = set(dataclasses_of_the_packages())
     assert len(found) > 300
     assert all(dataclasses.is_dataclass(record) for record in found)
@@ -58,10 +50,6 @@ def test_a_record_cannot_be_changed() -> None:
 
 
 def test_records_with_many_fields_take_them_by_name_alone() -> None:
-    """The fields of some records can be given only by name, so that a new field can stand anywhere in the class.
-
-    These records are all events, and the classes in the list BY_NAME.
-    """
     found = {
         record.__name__
         for record in dataclasses_of_the_packages()

@@ -1,4 +1,4 @@
-"""The map from each line of code to the tests that execute it is recorded, extended by new tests, and read."""
+"""The map from lines of code to the tests that execute them is recorded, extended and read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.tests_by_line import TestsByLine, files_that_import, record
 def code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The only file of code of a small project, whose test runs are replaced by prepared records.
 
-    The name of a test file contains the lines that its test executes: `test_2_3.py` executes the lines 2 and 3.
+    The test file `test_2_3.py` executes the lines 2 and 3.
     """
     file = tmp_path / "eimi_lab" / "code.py"
     file.parent.mkdir()

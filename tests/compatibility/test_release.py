@@ -1,8 +1,4 @@
-"""Files and command lines of the release 0.1.0 still work with the present version.
-
-The folder `release` contains files that the release wrote: a dataset with edges (`run.h5`), the dataset of a run that
-was killed after two of four states (`killed.h5`), results, the checkpoint of a fit, the TOML files, and command lines.
-"""
+"""Files of the release 0.1.0 (in the folder `release`) and its command lines still work."""
 
 from __future__ import annotations
 
@@ -38,7 +34,7 @@ Run = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working directory with a copy of the files of the release 0.1.0."""
+    """A working directory with a copy of the files of the release."""
     folder = shutil.copytree(RELEASE, tmp_path / "release")
     monkeypatch.chdir(folder)
     return folder
@@ -46,7 +42,7 @@ def release(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
-    """Return a function that runs a command line in this process and fails if the exit status is not 0."""
+    """Return a function that runs a command line in this process, and fails if the exit status is not 0."""
     monkeypatch.setattr(cli, "unwind_on_termination", lambda: None)
 
     def run(line: str) -> None:
@@ -59,10 +55,7 @@ def eimi(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_the_calibration_of_a_release_has_the_same_hash() -> None:
-    """The hash of the release's calibration has not changed.
-
-    Stored edges refer to their calibration by this hash.
-    """
+    # Stored edges refer to their calibration by this hash.
     with open_dataset(RELEASE / "run.h5") as dataset:
         edges, calibration = dataset.edges(), dataset.calibration
     assert edges is not None
@@ -71,7 +64,7 @@ def test_the_calibration_of_a_release_has_the_same_hash() -> None:
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every number and text of a JSON value, with the path of keys that leads to it, such as ".fits.0.model"."""
+    """Yield every number and text of a JSON value with its path of keys, such as ".fits.0.model"."""
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from leaves(inner, f"{path}.{key}")
@@ -80,7 +73,7 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def assert_same_numbers(now: Any, then: Any) -> None:
-    """Assert that `now` contains every number of `then` under the same keys; additional keys of `now` are ignored."""
+    """Assert that `now` contains every number of `then` under the same keys."""
     today = dict(leaves(now))
     for path, value in leaves(then):
         if isinstance(value, float) and not path.endswith("wall_s"):
@@ -139,12 +132,8 @@ def test_the_edges_in_frames_of_a_release_are_detected_at_the_same_positions(
 
 
 def test_the_checkpoint_of_a_release_is_resumed(release: Path, eimi: Callable[[str], None]) -> None:
-    """A fit that continues from a checkpoint of the release gives the same numbers as the release.
-
-    The checkpoint of a fit is a file with one line for each generation of the search (CMA-ES). The test removes the
-    lines of the last generation and of the result, which the fit then computes again. The header of a checkpoint names
-    the versions of the program that may continue the fit. The test writes the present versions into the header.
-    """
+    # A checkpoint has one line for each generation of the search. The last generation and the result are removed, and
+    # the header gets the present versions of the program.
     header, *logged = (release / "fits.log").read_text().splitlines()
     today = json.dumps(json.loads(header) | {"versions": package_versions()})
     (release / "fits.log").write_text("\n".join([today, *logged[:-2]]) + "\n")
@@ -191,7 +180,6 @@ def test_the_killed_run_of_a_release_is_resumed(release: Path, eimi: Callable[[s
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_the_command_lines_of_a_release_are_accepted(line: str) -> None:
-    """Command lines of the release are accepted: the examples in its help and documentation, and every option."""
     _, name, *arguments = shlex.split(line)
     command: Any = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
     command.make_context(name, arguments)

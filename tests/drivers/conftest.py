@@ -1,8 +1,4 @@
-"""Fixtures that connect supply drivers to emulated supplies.
-
-A link is the text "DRIVER in process", "DRIVER on a pty" or "DRIVER over tcp": the name of a driver, and how this
-driver is connected to its emulated supply (a pty is a pseudo-terminal).
-"""
+"""Fixtures that connect supply drivers to emulated supplies; a link is a text such as "korad over tcp"."""
 
 from __future__ import annotations
 
@@ -24,10 +20,9 @@ SERIAL_DRIVERS = ("korad", "genesys")
 
 
 def links(quick: tuple[str, ...]) -> list[object]:
-    """Return the links of all drivers as parameters of a test; a link is a text such as "korad over tcp".
+    """Return the links of all drivers (texts such as "korad over tcp") as parameters of a test.
 
-    The links in the same process and the links in `quick` are tested in every run. All other links, which use real
-    ports, get the mark slow.
+    Links in the same process and in `quick` are always tested; other links have the mark slow.
     """
     real = [f"{driver} {where}" for driver in DIALECTS for where in ("on a pty", "over tcp")]
     slow = (pytest.param(link, marks=pytest.mark.slow) for link in real if link not in quick)
@@ -35,10 +30,7 @@ def links(quick: tuple[str, ...]) -> list[object]:
 
 
 def served(link: str) -> Callable[[Responder], AbstractContextManager[str]] | None:
-    """Return a function that serves an emulated supply on the port of a link, and yields the address of this port.
-
-    A link is a text such as "korad over tcp". Return None for a link "in process", which needs no port.
-    """
+    """Return a function that serves an emulated supply for a link and yields its address; None without a port."""
     driver, _, where = link.partition(" ")
 
     @contextmanager
@@ -60,10 +52,7 @@ def open_bench(link: str) -> AbstractContextManager[SupplyBench]:
 
 @pytest.fixture
 def conforms() -> Callable[[str, Check[SupplyBench]], None]:
-    """Return a function that runs one conformance check on the driver of a link such as "korad over tcp".
-
-    A conformance check is one of the checks that each driver must pass.
-    """
+    """Return a function that runs one check on the driver of a link such as "korad over tcp"."""
 
     def run(link: str, check: Check[SupplyBench]) -> None:
         driver = link.partition(" ")[0]
@@ -77,46 +66,40 @@ def conforms() -> Callable[[str, Check[SupplyBench]], None]:
 
 @pytest.fixture(params=links(QUICK_LINKS))
 def link(request: pytest.FixtureRequest) -> str:
-    """Each driver in turn with each connection to its emulated supply, as text such as "korad over tcp"."""
+    """Each driver with each connection to its emulated supply, as text such as "korad over tcp"."""
     return str(request.param)
 
 
 @pytest.fixture(params=links(QUICK_LINKS[-1:]))
 def waiting_link(request: pytest.FixtureRequest) -> str:
-    """Each driver in turn with each connection to its emulated supply, for checks that wait for seconds.
-
-    The value is a text such as "korad over tcp". Most connections over real ports have the mark slow.
-    """
+    """Like the fixture `link`, for checks that wait for seconds; most real ports have the mark slow."""
     return str(request.param)
 
 
 @pytest.fixture
 def waiting_bench(waiting_link: str) -> Iterator[SupplyBench]:
-    """An open supply driver and its emulated supply, connected as the fixture `waiting_link` says."""
+    """An open supply driver and its emulated supply, connected as `waiting_link` says."""
     with open_bench(waiting_link) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench(link: str) -> Iterator[SupplyBench]:
-    """An open supply driver and its emulated supply, connected as the fixture `link` says."""
+    """An open supply driver and its emulated supply, connected as `link` says."""
     with open_bench(link) as opened:
         yield opened
 
 
 @pytest.fixture(params=IN_PROCESS)
 def quick_bench(request: pytest.FixtureRequest) -> Iterator[SupplyBench]:
-    """Each supply driver in turn, open, with its emulated supply in the same process and in simulated time."""
+    """Each supply driver, open, with its emulated supply in the same process and in simulated time."""
     with open_bench(request.param) as opened:
         yield opened
 
 
 @pytest.fixture
 def bench_of() -> Iterator[Callable[[str], SupplyBench]]:
-    """Return a function that opens a driver and its emulated supply, given by a text such as "korad over tcp".
-
-    Both are closed after the test.
-    """
+    """Return a function that opens the driver and the emulated supply of a link such as "korad over tcp"."""
     with ExitStack() as stack:
         yield lambda link: stack.enter_context(open_bench(link))
 

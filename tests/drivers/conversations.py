@@ -26,9 +26,9 @@ LINE_ENDS = {
 def hold(conversation: Conversation, dialect: str, instrument: Responder, coil: CoilSupply) -> None:
     """Send messages to an emulated supply one after the other, and assert that every answer is the expected one.
 
-    conversation: the messages with the answers. An entry may also be an event: SETTLE (5 s of simulated time pass) or
-    TRIP (a protection switches the output off). dialect: name of the supply's driver. coil: the model of this supply
-    and its coil.
+    conversation : messages with answers, and events: SETTLE (wait for 5 s) or TRIP (a protection acts)
+    dialect : name of the driver
+    coil : model of the supply and its coil
     """
     end, answer_end = LINE_ENDS.get(dialect, ("\n", "\n"))
     for place, (message, answer) in enumerate(conversation):

@@ -1,4 +1,4 @@
-"""The driver in the documentation works, and the program finds it without a change of the program."""
+"""The program finds the driver in the documentation as an installed package, and the driver works."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "howto" / "add_a_supply.md"
 
 
 class BenchDialect:
-    """An emulated supply that obeys the commands of the driver in docs/howto/add_a_supply.md."""
+    """An emulated supply for the driver in docs/howto/add_a_supply.md."""
 
     def __init__(self, supply: CoilSupply) -> None:
         self.supply = supply
@@ -56,9 +56,9 @@ def blocks(language: str) -> list[str]:
 
 
 def install(folder: Path, group: str, points: dict[str, str]) -> None:
-    """Write the metadata of an installed package into a folder, as `pip install` does.
+    """Write the metadata of an installed package into a folder.
 
-    points: the entry points of the package in this group, from the name of each driver to its class.
+    points : entry points (driver to class) in this group
     """
     information = folder / "some_lab-1.0.dist-info"
     information.mkdir()
@@ -69,7 +69,7 @@ def install(folder: Path, group: str, points: dict[str, str]) -> None:
 
 @pytest.fixture
 def shown_driver(monkeypatch, tmp_path):
-    """Install the driver of the documentation as a separate package; return the name of the driver."""
+    """Install the driver of the documentation as a package; return its name."""
     code = next(block for block in blocks("python") if "class BenchSupply" in block)
     table = next(block for block in blocks("toml") if "entry-points" in block)
     assert len([line for line in (code + table).splitlines() if line.strip()]) <= 40

@@ -1,7 +1,4 @@
-"""The camera driver `aravis`, which uses the library Aravis, works with an emulated GigE Vision camera.
-
-The tests concern settings, pixel formats, triggers and the search for cameras.
-"""
+"""The camera driver `aravis` works with an emulated GigE Vision camera."""
 
 from __future__ import annotations
 
@@ -31,14 +28,14 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Hold the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
+    """Lock the GigE camera until the end of this module."""
     with only_gige_camera():
         yield
 
 
 @pytest.fixture(scope="module")
 def still(alone: None) -> Iterator[CameraProcess]:
-    """An emulated camera whose pictures show a ramp of grey values; tests share the camera and must not change it."""
+    """An emulated camera with a ramp of grey values, which several tests share."""
     with gige_camera(ramp, serial_number="EIMI01", shutter="Rolling") as process:
         yield process
 

@@ -28,7 +28,7 @@ GRAB_S = 20.0
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[None]:
-    """Hold the lock of the GigE camera until the end of this module, so that no other test uses a GigE camera."""
+    """Lock the GigE camera until the end of this module."""
     with only_gige_camera():
         yield
 
@@ -45,7 +45,7 @@ _opened: list[AravisCamera] = []
 
 @pytest.fixture(autouse=True)
 def closed_at_the_end() -> Iterator[None]:
-    """Close all open cameras after a test, because the next test cannot open a camera that is still open."""
+    """Close all open cameras after a test."""
     yield
     while _opened:
         _opened.pop().close()
@@ -53,10 +53,7 @@ def closed_at_the_end() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
-    """A list with the emulated camera that several tests share, because the start of its process takes long.
-
-    The list is empty before the camera starts.
-    """
+    """A list with the emulated camera that several tests share; empty before the first start."""
     holder: list[tuple[ExitStack, CameraProcess]] = []
     yield holder
     for stack, _ in holder:
@@ -65,10 +62,7 @@ def kept(alone: None) -> Iterator[list[tuple[ExitStack, CameraProcess]]]:
 
 @pytest.fixture
 def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
-    """The shared emulated camera, whose pixels all contain the number of the exposure.
-
-    A new camera starts if the process of the shared camera has ended.
-    """
+    """The shared emulated camera, whose pixels contain the exposure number; restarted if it has ended."""
     if not kept or not kept[0][1].alive:
         end(kept)
         stack = ExitStack()
@@ -80,7 +74,7 @@ def served(kept: list[tuple[ExitStack, CameraProcess]]) -> CameraProcess:
 
 @pytest.fixture
 def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess]:
-    """A new emulated camera that has not exposed a picture yet."""
+    """A new emulated camera without an exposure."""
     end(kept)
     with gige_camera(serial_number="EIMI01") as process:
         yield process
@@ -88,7 +82,7 @@ def fresh(kept: list[tuple[ExitStack, CameraProcess]]) -> Iterator[CameraProcess
 
 @pytest.fixture
 def none_served(kept: list[tuple[ExitStack, CameraProcess]]) -> None:
-    """End the shared emulated camera, so that a test can run an emulated camera of its own."""
+    """End the shared emulated camera."""
     end(kept)
 
 
@@ -219,7 +213,7 @@ def test_an_aravis_camera_that_runs_freely_conforms(served: CameraProcess, check
 
 
 def slow() -> Callable[[], np.ndarray]:
-    """Return a function that returns a picture after half a second, to emulate a slow camera."""
+    """Return a function that needs half a second for a picture."""
     picture = numbered()
 
     def slowly() -> np.ndarray:

@@ -1,8 +1,4 @@
-"""The camera driver `aravis` calls the library Aravis in the right order, and waits as long as it should.
-
-The tests use a replacement for the library, which answers at once and moves a simulated clock. `test_aravis_camera` and
-`test_aravis_faults` test the driver with the library and its emulated camera.
-"""
+"""The camera driver `aravis` calls its library in the right order and waits as long as it should."""
 
 from __future__ import annotations
 
@@ -38,10 +34,9 @@ FREE = CameraSettings(frame_rate_Hz=100.0, region=(0, 0, 4, 3))
 
 
 class Library:
-    """A replacement of the library Aravis; it records the calls of the driver.
+    """A replacement for the library Aravis; it records the calls of the driver.
 
-    Each element of `coming` is the answer to one request for a frame: a dictionary with values of the frame, or the
-    time (s) that passes without a frame.
+    coming : answers to requests for a frame: values of the frame, or the time (s) without a frame
     """
 
     def __init__(self, clock: SimulatedClock) -> None:
@@ -119,10 +114,7 @@ class Library:
 
 
 class AtOnce:
-    """A replacement of the thread in which the driver calls the camera: it makes each call at once.
-
-    If `hangs` is true, a call never ends.
-    """
+    """A replacement for the thread of camera calls: it makes each call at once, or never returns if `hangs`."""
 
     hangs = False
 
@@ -155,7 +147,7 @@ def library(monkeypatch: pytest.MonkeyPatch) -> Library:
 
 
 def listed(library: Library, *cameras: tuple[bytes, bytes, bytes]) -> None:
-    """Let the library list cameras, each with its identifier, serial number and address."""
+    """Let the library list cameras by identifier, serial number and address."""
     library.answers |= {
         "get_n_devices": len(cameras),
         "get_device_id": lambda place: cameras[place][0],
@@ -217,11 +209,6 @@ def test_a_camera_on_usb_needs_no_control_of_the_network(library: Library) -> No
 def test_a_camera_that_another_program_controls_is_awaited_for_4_s(
     library: Library, free_after: int, is_opened: bool
 ) -> None:
-    """The driver tries again to open a camera that another program controls, until 4 s have passed.
-
-    In this test each attempt takes 1 s, so that five attempts begin.
-    """
-
     def take_control(device: int) -> None:
         assert device == DEVICE
         library.clock.sleep(1.0)
@@ -443,7 +430,7 @@ def test_commands_are_made_one_after_the_other_in_a_thread_that_ends() -> None:
 
 
 class Features(Library):
-    """A replacement of the library with a camera whose settings can be written and read."""
+    """A replacement for the library with a camera whose settings can be written and read."""
 
     def __init__(self) -> None:
         super().__init__(SimulatedClock())

@@ -1,9 +1,4 @@
-"""A camera driver switches automatic exposure or gain off before it sets the exposure or gain that a user requests.
-
-Otherwise the automatic control would change the value after the driver has read it back. If the user requests no value,
-the driver does not change the automatic control. The tests replace the camera by objects that contain only its
-settings.
-"""
+"""A camera driver switches automatic exposure or gain off before it sets a requested value."""
 
 from __future__ import annotations
 
@@ -22,7 +17,7 @@ from eimi_drivers.cameras.opencv import V4L2, V4L2_MANUAL_EXPOSURE
 class Calls:
     """A replacement for an Aravis camera; it records the calls that set a value.
 
-    `automatic` contains the quantities with an automatic control: "exposure", "gain" or both.
+    automatic : quantities with an automatic control, "exposure" or "gain"
     """
 
     def __init__(self, *automatic: str) -> None:
@@ -75,7 +70,7 @@ def test_aravis_switches_automatic_controls_off(
 
 
 class Node:
-    """A setting of a GenICam camera, which records each new value in a log."""
+    """A camera setting that records new values in a log."""
 
     def __init__(self, log: list[tuple[str, Any]], name: str, value: Any) -> None:
         self._log, self._name, self._value = log, name, value
@@ -92,7 +87,7 @@ class Node:
 
 
 class Nodes:
-    """The settings of a GenICam camera as attributes with the names of the settings."""
+    """Camera settings as attributes."""
 
     def __init__(self, **values: Any) -> None:
         self.log: list[tuple[str, Any]] = []
@@ -115,7 +110,7 @@ FEATURES = {
 
 
 def gentl(nodes: Nodes) -> GenTLCamera:
-    """Return a GenTL camera that has only the settings in `nodes`."""
+    """Return a GenTL camera with the settings `nodes`."""
     camera = object.__new__(GenTLCamera)
     camera._nodes = nodes
     camera._api = SimpleNamespace(is_readable=lambda node: True, AccessException=KeyError)
@@ -137,7 +132,6 @@ def test_gentl_switches_automatic_controls_off(automatic: dict[str, str]) -> Non
 
 
 def test_a_gentl_region_is_set_with_its_offsets_at_zero_first() -> None:
-    """The driver sets both offsets to zero before the size: old offsets plus a new size may exceed the sensor."""
     nodes = Nodes(**FEATURES)
     read_back = gentl(nodes)._set_up(CameraSettings(region=(8, 16, 700, 500)))
     assert read_back.region == (8, 16, 700, 500)

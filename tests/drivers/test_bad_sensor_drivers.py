@@ -1,7 +1,4 @@
-"""Every check of the conformance suite (the checks that each driver must pass) fails for a faulty sensor driver.
-
-The message of the failure names the check.
-"""
+"""Every check of sensor drivers fails for a faulty driver, and its message names the check."""
 
 from __future__ import annotations
 

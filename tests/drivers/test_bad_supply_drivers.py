@@ -1,7 +1,4 @@
-"""Checks of the conformance suite (the checks that each driver must pass) fail for a faulty supply driver.
-
-The message of the failure names the check.
-"""
+"""Checks of supply drivers fail for faulty drivers, and their messages name the check."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ Scpi: Any = SUPPLIES["scpi"]
 
 
 class GivesUpAfterTheFirst(Scpi):
-    """A faulty supply driver whose `safe_off` sends nothing more after its first message has failed."""
+    """A faulty supply driver whose `safe_off` stops after its first message has failed."""
 
     def safe_off(self) -> Any:
         self.set_current(0.0)
@@ -37,7 +34,7 @@ class LeavesTheSetPoint(Scpi):
 
 
 class ClosesByTheOutput(Scpi):
-    """A faulty supply driver, whose `close` switches the output off; `close` should only close the line."""
+    """A faulty supply driver, whose `close` switches the output off."""
 
     def close(self) -> None:
         self._send_output(False)
@@ -45,7 +42,7 @@ class ClosesByTheOutput(Scpi):
 
 
 class LastReading(Scpi):
-    """A faulty supply driver that returns the last measured values, without an error, if the supply does not answer."""
+    """A faulty supply driver that returns the last measured values if the supply does not answer."""
 
     last: Reading | None = None
 

@@ -1,4 +1,4 @@
-"""The driver of Basler cameras works with Basler's own emulated cameras; without pypylon its error names pypylon."""
+"""The driver of Basler cameras works with Basler's emulated cameras, and names pypylon if pypylon is missing."""
 
 from __future__ import annotations
 

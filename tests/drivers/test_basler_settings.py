@@ -1,8 +1,4 @@
-"""The driver of Basler cameras writes and reads settings, with a replacement for pypylon instead of a camera.
-
-The replacement has only the features that the driver uses. `test_basler_camera` tests the driver with pypylon and the
-emulated cameras of Basler.
-"""
+"""The driver of Basler cameras writes and reads settings, with a replacement for pypylon."""
 
 from __future__ import annotations
 
@@ -39,7 +35,7 @@ class OutOfRange(Unusable):
 
 
 class Node:
-    """A setting of a Basler camera, which accepts a new value or keeps its old value."""
+    """A setting of a Basler camera, which accepts or ignores a new value."""
 
     def __init__(self, value: Any, stuck: bool = False, readable: bool = True) -> None:
         self._value, self._stuck, self.readable = value, stuck, readable
@@ -56,7 +52,7 @@ class Node:
 
 
 class Result:
-    """The result of a grab in pypylon: the number of a frame, or None if no frame arrived in time."""
+    """The result of a grab in pypylon: a frame number, or None if no frame arrived in time."""
 
     def __init__(self, number: int | None) -> None:
         self._number = number
@@ -92,7 +88,7 @@ class Result:
 class Device:
     """A Basler camera with an exposure of 10 ms, which delivers one frame for each trigger.
 
-    If `late` is True, the next frame does not arrive within the time limit.
+    late : whether the next frame arrives too late
     """
 
     def __init__(self, stuck: str = "") -> None:

@@ -1,7 +1,4 @@
-"""Camera drivers pass the conformance suite, which consists of the checks that every driver must pass.
-
-The tests use image files, a simulated device and emulated cameras of Basler.
-"""
+"""Camera drivers pass the checks for every driver, with image files, a simulated device and emulated cameras."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""The instrument classes of the Python package dcps work with the emulated supplies over TCP.
-
-Single messages from the manuals also have the right effect. The extra `bench` installs dcps; without dcps the tests of
-its classes are skipped.
-"""
+"""The instrument classes of the Python package dcps work with the emulated supplies over TCP."""
 
 from __future__ import annotations
 

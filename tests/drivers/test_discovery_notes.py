@@ -1,7 +1,4 @@
-"""The search for attached instruments lists each instrument once.
-
-It also says how to install a missing library, and lists the drivers that other packages add.
-"""
+"""The search for attached instruments lists each instrument once, and notes missing libraries and further drivers."""
 
 from __future__ import annotations
 
@@ -29,10 +26,9 @@ CAMERA = Found("camera", "opencv", "0", "Webcam")
 
 @pytest.fixture
 def search(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
-    """Return a function that runs the search for instruments with prepared results of its parts.
+    """Return a function that searches for instruments with prepared results.
 
-    Each keyword names a part of the search, such as `serial_ports` or `cameras`. The value is the instruments that this
-    part finds, or an exception that it raises.
+    Its keywords are parts of the search, such as `serial_ports`; the values are instruments, or an exception to raise.
     """
 
     def run(**instruments: Any) -> Discovery:

@@ -1,7 +1,4 @@
-"""A driver that lacks a method or an attribute, or cannot be called, is refused.
-
-The error explains the missing method or attribute.
-"""
+"""A driver that lacks a method or an attribute, or cannot be called, is refused with an explanation."""
 
 from __future__ import annotations
 
@@ -26,9 +23,9 @@ def methods(protocol: type) -> dict[str, Callable[..., Any]]:
 
 
 def made(kind: str, **members: Any) -> Any:
-    """Return a driver class of a kind (supply, camera or sensor) that fulfils the contract, except for `members`.
+    """Return a complete driver class of a kind (supply, camera or sensor), changed by `members`.
 
-    members: attributes and methods in place of those of the contract; None: the member is absent.
+    members : other attributes and methods; None: the member is absent
     """
     protocol, _, _, count = KINDS[kind]
     body: dict[str, Any] = dict(methods(protocol))

@@ -1,7 +1,4 @@
-"""Compare the tables in the drivers with tables that this file copies from manuals and standards.
-
-If a driver gets a new family, format, unit or model, a test fails until its numbers are added to this file.
-"""
+"""The tables in the drivers agree with tables that this file copies from manuals and standards."""
 
 from __future__ import annotations
 
@@ -31,13 +28,13 @@ from eimi_drivers.supplies.transport import InProcessTransport
 class Family:
     """The numbers in the manual of one family of supplies.
 
-    channels : the lowest and the highest channel
-    off_A : the largest measured current (A) with which a supply still counts as off
-    line : the speed (bit/s) and the number of stop bits of the serial line
-    watchdog_s : the time (s) of the watchdog in the supply; None without a watchdog
-    steps : the smallest step of the current set-point (A) and of the voltage set-point (V)
+    channels : lowest and highest channel
+    off_A : largest measured current of a supply that is off
+    line : speed (bit/s) and stop bits of the serial line
+    watchdog_s : time of the watchdog (automatic switch-off); None without a watchdog
+    steps : smallest steps of current (A) and voltage (V)
     bipolar : whether the supply accepts negative currents
-    query_delay_s : the time (s) that the driver waits before the answer to a query
+    query_delay_s : time that the driver waits before an answer
     """
 
     channels: tuple[int, int] = (1, 1)
@@ -117,10 +114,6 @@ def test_a_channel_that_the_family_does_not_have_is_refused(driver: str) -> None
 
 
 def test_every_profile_that_arms_a_protection_reads_it_back() -> None:
-    """The driver reads back every limit (A or V) and every on-off switch of a protection that it has set.
-
-    A profile is the description of one family of supplies.
-    """
     for profile in PROFILES:
         queries = {question for question, _ in profile.armed}
         for message in profile.protect:
@@ -227,7 +220,7 @@ def test_the_smallest_grey_format_of_a_depth_is_chosen() -> None:
 
 
 def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
-    """The driver knows every status code of an image buffer in arvbuffer.h (ArvBufferStatus) of Aravis 0.8."""
+    # Source: arvbuffer.h (ArvBufferStatus) of Aravis 0.8.
     assert {code: words.split()[0] for code, words in BUFFER_STATUS.items()} == {
         **{-1: "unknown", 0: "success", 1: "cleared", 2: "timeout", 3: "missing", 4: "wrong"},
         **{5: "size", 6: "still", 7: "aborted", 8: "payload"},
@@ -235,10 +228,7 @@ def test_the_states_of_a_buffer_are_those_of_aravis() -> None:
 
 
 def test_the_units_of_gaussmeters() -> None:
-    """Each unit of a gaussmeter is converted to mT: 1 T = 1000 mT and 1 G = 0.1 mT.
-
-    In air, 1 Oe corresponds to 1 G, and 1 A/m to 4 pi 10^-7 T.
-    """
+    # 1 T is 1000 mT and 1 G is 0.1 mT. In air, 1 Oe corresponds to 1 G, and 1 A/m to 4 pi 10^-7 T.
     assert fw_bell._MILLITESLA == {"G": 0.1, "T": 1000.0}
     # Model 425 User's Manual, UNIT: 1 gauss, 2 tesla, 3 oersted, 4 ampere per metre
     assert lake_shore.MILLITESLA.keys() == {"1", "2", "3", "4"}
@@ -246,7 +236,7 @@ def test_the_units_of_gaussmeters() -> None:
 
 
 def test_the_numbers_of_usb_devices() -> None:
-    """USB identifiers agree with the USB ID Repository (usb.ids), and for gaussmeters with cp210x.c of Linux."""
+    # Sources: usb.ids; for gaussmeters cp210x.c of Linux.
     assert {(0x0416, 0x5011)} == KORAD_USB_IDS
     assert SENSOR_USB_IDS == {(0x1FB9, 0x0401): "lakeshore-425", (0x1FB9, 0x0403): "lakeshore-475"}
     assert BOARD_USB_VENDORS == {
@@ -291,7 +281,7 @@ def test_an_emulated_supply_accepts_levels_of_a_protection_up_to_its_highest(dri
 
 
 def test_the_types_of_messages_and_of_their_answers_are_those_of_hislip() -> None:
-    """The types of HiSLIP messages have the numbers of the standard IVI-6.1, table 4."""
+    # Source: standard IVI-6.1, table 4.
     assert (hislip.INITIALIZE, hislip.DATA, hislip.DATA_END) == (0, 6, 7)
     assert (hislip.ASYNC_MESSAGE_SIZE, hislip.ASYNC_INITIALIZE) == (15, 17)
     assert hislip.ANSWER_TO == {0: 1, 15: 16, 17: 18}

@@ -1,8 +1,6 @@
-"""Damaged replies never lead to a wrong set-point: a driver returns the value in the reply, or raises an error in time.
+"""A driver returns the value in a damaged reply or raises an error in time, and never sets a wrong value.
 
-The emulated supply obeys every message, or no message if its front panel is locked. The line, that is, the emulated
-connection to the supply, damages the replies at random. The long run prints the number of each outcome: `pytest -m slow
--s tests/drivers/test_fuzzed_replies.py`.
+``pytest -m slow -s tests/drivers/test_fuzzed_replies.py`` prints the number of each outcome.
 """
 
 from __future__ import annotations
@@ -35,7 +33,7 @@ Found = TypeVar("Found")
 
 
 def flipped(bit: int) -> Spoil:
-    """Return a function that flips one bit of a reply; `bit` counts the bits modulo the length of the reply."""
+    """Return a function that flips one bit of a reply (`bit` modulo the length of the reply)."""
 
     def spoil(reply: bytes) -> bytes:
         if not reply:
@@ -79,7 +77,7 @@ SPOILS: st.SearchStrategy[Spoil] = st.one_of(
 
 @dataclass
 class FuzzedLine:
-    """A connection that damages the reply to every query by the functions in `spoils`, one function after the other."""
+    """A connection that damages the reply to every query by the functions in `spoils`, in turn."""
 
     instrument: Responder
     spoils: list[Spoil]
@@ -108,20 +106,12 @@ def number_in_reply(reply: bytes, driver: str) -> float:
 
 
 def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figures: Counter[str]) -> None:
-    """Call every method of a driver on a line (connection) with damaged replies, and check the results.
+    """Call every method of a driver on a connection with damaged replies, and check the results.
 
-    Parameters
-    ----------
-    driver : str
-        The name of the driver.
-    spoils : list of functions
-        The functions that damage the replies in turn.
-    milliamperes : int
-        The current set-point that is requested, mA.
-    locked : bool
-        True if the supply obeys no command.
-    figures : Counter
-        Counts the replies and the outcomes of the calls.
+    spoils : functions that damage the replies in turn
+    milliamperes : requested current
+    locked : whether the supply obeys no command
+    figures : counts replies and outcomes
     """
     clock = SimulatedClock()
     coil = CoilSupply(clock)
@@ -141,7 +131,7 @@ def fuzz(driver: str, spoils: list[Spoil], milliamperes: int, locked: bool, figu
     def attempt(act: Callable[[], Found], questions: int = 1) -> Found | None:
         """Call `act`; return its result, or None after an InstrumentError.
 
-        The call must end within the time after which `questions` queries have timed out.
+        questions : number of queries that may time out in this call
         """
         began_s, sent_before = clock.now(), len(link.sent)
         line.handed_out.clear()

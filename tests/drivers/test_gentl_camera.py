@@ -1,7 +1,4 @@
-"""The camera driver `gentl` works with the emulated camera of the package genicam.
-
-This camera has no trigger and no exposure time.
-"""
+"""The camera driver `gentl` works with the emulated camera of the package genicam."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""The camera driver `gentl` opens a camera, writes its settings and releases it.
-
-The tests use replacements for the packages harvesters and genicam.
-
-`test_gentl_camera` tests the driver with these packages, if they are installed. `test_time_limits` tests how the
-driver reads frames.
-"""
+"""The camera driver `gentl` opens a camera, writes its settings and releases it, with replacements for its packages."""
 
 from __future__ import annotations
 
@@ -46,7 +40,7 @@ class ProducerError(Exception):
 
 
 class Node:
-    """A feature of a camera. `writing` receives the name and the value of each write."""
+    """A feature of a camera; `writing` receives the name and the value of each write."""
 
     def __init__(self, value: Any, *symbolics: str, readable: bool = True, largest: float = 1e9) -> None:
         self._value, self.symbolics, self.readable, self.largest = value, symbolics, readable, largest
@@ -69,7 +63,7 @@ class Node:
 
 
 class Nodes:
-    """The features of a camera by name, as harvesters gives them."""
+    """The features of a camera by name."""
 
     def __init__(self, **features: Node) -> None:
         self.features = features
@@ -112,7 +106,7 @@ def full_camera(**changed: Node | None) -> Nodes:
 
 
 class Bench(SimpleNamespace):
-    """The replacements for a camera and its packages: features of the camera, listed devices, and recorded calls."""
+    """The replacements for a camera and its packages: features, listed devices, and recorded calls."""
 
     nodes: Nodes
     devices: list[Any]
@@ -211,7 +205,6 @@ def test_an_unknown_camera_is_reported_with_the_attached_ones(bench: Bench) -> N
 
 
 def test_settings_are_written_in_an_order_that_the_camera_accepts(bench: Bench) -> None:
-    """The driver writes settings in an order in which no value is refused or changed again."""
     wanted = CameraSettings(
         exposure_s=0.0015, gain=6.0, gamma=0.5, region=(2, 4, 40, 30), bit_depth=12, trigger="Line1"
     )

@@ -1,10 +1,4 @@
-"""The emulated GigE camera starts, delivers pictures and ends correctly in its process.
-
-The tests use replacements for the library Aravis and for the process.
-
-The binding of Aravis is tested with replacements for the shared libraries. `test_aravis_camera` tests the
-camera, its process and the binding with Aravis itself.
-"""
+"""The emulated GigE camera starts, delivers pictures and ends, with replacements for Aravis and the process."""
 
 from __future__ import annotations
 
@@ -167,7 +161,7 @@ def test_the_control_port_is_that_of_gige_vision() -> None:
 
 
 class Line:
-    """One end of the connection between the program and the process of a camera, with the messages that arrive."""
+    """One end of the connection between program and camera process, with the messages that arrive."""
 
     def __init__(self, *coming: Any) -> None:
         self.coming = list(coming)
@@ -193,7 +187,7 @@ class Line:
 
 
 class Process:
-    """A replacement for the process that serves a GigE camera: it ends when it is joined, or never if `hangs`."""
+    """A replacement for the camera process, which ends when it is joined, or never if `hangs`."""
 
     def __init__(self, hangs: bool = False, exitcode: int | None = None) -> None:
         self.hangs, self.exitcode = hangs, exitcode
@@ -218,10 +212,9 @@ class Process:
 
 @contextmanager
 def started(monkeypatch: pytest.MonkeyPatch, process: Process, *answers: Any) -> Iterator[tuple[CameraProcess, Line]]:
-    """Start to serve an emulated GigE camera; `process` takes the place of the process that serves it.
+    """Serve an emulated GigE camera from `process`; yield the camera and the program's end of the connection.
 
-    Yield the camera, and the program's end of its connection to that process. answers: the messages that arrive at this
-    end.
+    answers : messages that arrive at this end
     """
     here, there = Line(*answers), Line()
 
@@ -291,7 +284,7 @@ def test_a_process_that_ended_is_reported_with_its_error_or_its_status() -> None
 
 @pytest.fixture
 def default_interrupt() -> Iterator[None]:
-    """Restore the handler of Ctrl-C after a test, because the function under test makes the process ignore Ctrl-C."""
+    """Restore the handler of Ctrl-C after a test."""
     before = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, before)
@@ -350,7 +343,7 @@ def test_the_process_of_a_camera_reports_why_it_cannot_begin(
 
 
 class Shared:
-    """A replacement for a shared library: it has a function of every name, which does nothing."""
+    """A replacement for a shared library, with a function of every name that does nothing."""
 
     def __init__(self, **functions: Callable[..., Any]) -> None:
         self.__dict__ |= {name: Function(function) for name, function in functions.items()}
@@ -375,10 +368,7 @@ class Function:
 
 
 def test_every_function_of_the_libraries_is_declared_before_it_is_called() -> None:
-    """The types of the arguments and of the result of every library function are declared.
-
-    Without a declaration, ctypes would cut a pointer to 32 bits.
-    """
+    # Without a declaration, ctypes would cut a pointer to 32 bits.
     libraries = Shared(), Shared(), Shared()
     Aravis(*libraries)  # type: ignore[arg-type]
     declared = {name: function for library in libraries for name, function in vars(library).items()}

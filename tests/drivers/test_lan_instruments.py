@@ -1,4 +1,4 @@
-"""The search lists instruments that announce themselves on the network, with their addresses and drivers."""
+"""The search lists instruments that announce themselves on the network, with addresses and drivers."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ TTI = announced(
 
 
 async def search_in_a_cell() -> tuple[LanInstrument, ...]:
-    """Search as a cell of a notebook does, in a thread with a running event loop."""
+    """Search in a thread with a running event loop, as in a notebook."""
     return list_lan_instruments(interfaces=LOOPBACK)
 
 
 def announce_and_list(search: Search, deadline: float) -> tuple[LanInstrument, ...]:
-    """Announce an Aim-TTi supply on the loopback interface; repeat the search until an instrument is listed.
+    """Announce an Aim-TTi supply on the loopback interface, and search until an instrument is listed.
 
-    At the time `deadline` (s, clock of `time.monotonic`) the search ends and returns no instrument.
+    deadline : end of the search (s, clock of `time.monotonic`)
     """
     with Zeroconf(interfaces=LOOPBACK) as network:
         network.register_service(TTI, allow_name_change=True)

@@ -1,4 +1,4 @@
-"""Drivers accept a set-point only if the supply reports it within a tolerance; each message has a time limit."""
+"""Drivers accept a set value if the supply reports it within a tolerance; each message has a time limit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from eimi_drivers.supplies.visa import VisaTransport
 
 
 class Rounding(KoradDialect):
-    """An emulated supply that reports a wrong current set-point: the set-point plus `more_A` (A)."""
+    """An emulated supply that reports its set current with an error of `more_A`."""
 
     more_A = 0.0
 
@@ -77,7 +77,6 @@ def test_unread_bytes_are_not_used_as_the_answer_to_the_next_query() -> None:
 
 
 def test_a_visa_write_has_its_own_time_limit() -> None:
-    """Every write has the time limit of writes, also after a read with a longer time limit."""
     line = VisaTransport.__new__(VisaTransport)
     timeouts_ms: list[float] = []
     resource: Any = SimpleNamespace(timeout=None, read_termination=None)

@@ -1,8 +1,4 @@
-"""Faults of the line between program and supply.
-
-After a single fault of the line or of a driver, the output of the supply is off. Only one program at a time can open a
-serial port.
-"""
+"""After a single fault of the line or of a driver, the output of the supply is off."""
 
 from __future__ import annotations
 

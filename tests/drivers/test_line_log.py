@@ -1,7 +1,4 @@
-"""The log of a line (the connection to an instrument) counts messages and faults, and does not change the messages.
-
-The error about an incomplete answer contains this answer.
-"""
+"""The log of a connection counts messages and faults, and does not change messages."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ from eimi_drivers.supplies.transport import SerialTransport, Transport
 
 
 class Line:
-    """A connection that returns prepared answers one after the other; an exception among the answers is raised."""
+    """A connection that returns prepared answers in turn, or raises an exception among them."""
 
     address = "/dev/ttyX"
 

@@ -1,4 +1,4 @@
-"""Lines to instruments (serial, VISA, in the same process) have the right settings, time limits and errors."""
+"""Connections to instruments (serial, VISA, in the same process) have the right settings, time limits and errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.patience import PATIENCE_S
 
 
 class Port:
-    """A serial port that returns prepared pieces of an answer, one for each read, and records what is written."""
+    """A serial port that returns prepared pieces of an answer, and records what is written."""
 
     def __init__(self, *pieces: bytes, unread: bytes = b"") -> None:
         self.pieces, self.unread = list(pieces), unread
@@ -55,7 +55,7 @@ class Port:
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Replace the opening of serial ports; the list holds the arguments of each opening."""
+    """A list of the arguments with which serial ports are opened; no real port is opened."""
     calls: list[dict[str, Any]] = []
 
     def open_port(url: str, **settings: Any) -> Port:
@@ -248,7 +248,7 @@ def test_a_port_is_closed_before_it_is_reopened_and_a_pseudo_terminal_is_not(ope
 
 
 class Resource:
-    """A VISA resource that records the calls of its methods, and answers or raises an error as prepared."""
+    """A VISA resource that records its calls, and answers or raises an error as prepared."""
 
     def __init__(self) -> None:
         self.timeout: float | None = None
@@ -279,10 +279,7 @@ def lost_error() -> Exception:
 
 @pytest.fixture
 def resources(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int, Resource]]:
-    """Replace the resource manager of PyVISA; return a list that records each opened resource.
-
-    An entry contains the name, the time limit for opening (ms) and the resource.
-    """
+    """Replace PyVISA; return a list of the opened resources: name, time limit (ms) and resource."""
     calls: list[tuple[str, int, Resource]] = []
 
     def open_resource(name: str, open_timeout: int) -> Resource:
@@ -457,10 +454,7 @@ print([name for name in set(sys.modules) - before if name.startswith(("pyvisa", 
 
 
 def test_a_loaded_visa_library_imports_nothing_when_a_resource_is_opened() -> None:
-    """After the VISA library is loaded, the opening of a resource imports no further module, so that it is quick.
-
-    The guardian, the process that switches the coil off if a run dies, loads the library while it waits.
-    """
+    # The guardian (the process that switches the coil off if a run dies) loads the library while it waits.
     done = subprocess.run([sys.executable, "-c", OPENED_LATER], capture_output=True, timeout=PATIENCE_S, check=True)
     assert done.stdout.strip() == b"[]"
 

@@ -1,4 +1,4 @@
-"""A supply counts as off only if no current is measured, even if it reports that its output is off."""
+"""A supply counts as off only if it measures no current, whatever state it reports."""
 
 from __future__ import annotations
 
@@ -45,10 +45,6 @@ def test_a_supply_with_a_shorted_regulator_is_never_reported_as_off(driver, coil
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("driver", DIALECTS)
 def test_a_healthy_supply_at_its_worst_offset_gives_no_false_alarm(driver, sign, ends, coil):
-    """A supply that is off counts as off, even if its meter shows the largest offset that its manual allows.
-
-    The offset is the current that the meter shows when no current flows.
-    """
     supply = energised(driver, coil)
     coil.offset_A = sign * max(LEAST_OFF_A, supply.reads_zero_within_A) * 0.999
     false_alarms, largest_A = [], 0.0
@@ -111,7 +107,7 @@ def test_the_current_is_measured_if_the_safe_off_of_a_driver_does_not_measure_it
 
 
 class Line(InProcessTransport):
-    """A connection that leads to another instrument after the driver has reopened it."""
+    """A connection that leads to another instrument after it was reopened."""
 
     def __init__(self, first, second, clock):
         super().__init__(first, clock)

@@ -1,4 +1,4 @@
-"""The camera driver `opencv` works with video files, and with a simulated device with the faults of real devices."""
+"""The camera driver `opencv` works with video files, and with a simulated device and its faults."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_the_error_for_an_unknown_name_lists_the_drivers():
 
 
 class FakeDevice:
-    """A simulated device for OpenCV, whose reads wait until the test exposes a frame or unplugs the device."""
+    """A simulated device for OpenCV; a read waits until the test exposes a frame or unplugs the device."""
 
     def __init__(self, index: int) -> None:
         self._exposures = threading.Semaphore(0)

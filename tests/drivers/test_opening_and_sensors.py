@@ -1,7 +1,4 @@
-"""If an instrument cannot be opened, the error is clear, and the line to the instrument is closed.
-
-Emulated sensors answer as the manuals of the sensors describe.
-"""
+"""An instrument that cannot be opened gives a clear error; emulated sensors answer as their manuals describe."""
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ class Line:
 
 
 def failing(error: Exception, line: Line | None = None) -> Any:
-    """Return a driver that raises `error` when it is opened; with `line`, its method `connect` returns this line."""
+    """Return a driver that raises `error` when it is opened; `line` is its connection."""
 
     def driver(*arguments: object) -> Any:
         raise error

@@ -1,4 +1,4 @@
-"""The decoding of pixel formats agrees with data whose bits were arranged by hand as the standards define them."""
+"""The decoding of pixel formats agrees with bits that were arranged by hand from the standards."""
 
 from __future__ import annotations
 

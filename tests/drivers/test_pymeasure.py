@@ -1,7 +1,4 @@
-"""The instrument classes of PyMeasure work with the emulated supplies and sensors over TCP.
-
-The extra `bench` installs PyMeasure; without PyMeasure these tests are skipped.
-"""
+"""The instrument classes of PyMeasure work with the emulated supplies and sensors over TCP."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ UNREADABLE = (LookupError, NotImplementedError)
 
 
 def open_client(driver: str, address: str) -> Any:
-    """Return PyMeasure's instrument for the supplies of `driver`, connected to the emulated supply at `address`."""
+    """Return PyMeasure's instrument for a driver, connected to the emulated supply at `address`."""
     module, name = CLIENTS[driver]
     kind = getattr(importlib.import_module(f"pymeasure.instruments.{module}"), name)
     lines = {"genesys": {"read_termination": "\r", "write_termination": "\r"}, "kepco-bop": {}}
@@ -47,7 +44,7 @@ def open_client(driver: str, address: str) -> Any:
 
 
 def property_values(client: Any) -> dict[str, object]:
-    """Return the values of all readable properties of a PyMeasure instrument, by the names of the properties."""
+    """Return the values of all readable properties of a PyMeasure instrument by name."""
     answers = {}
     for name in dir(type(client)):
         if name in DEPRECATED or not isinstance(inspect.getattr_static(type(client), name), property):
@@ -107,10 +104,6 @@ def test_every_property_of_a_class_of_pymeasure_is_answered(driver: str) -> None
 
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_the_class_for_the_pl_series_drives_an_aim_tti() -> None:
-    """PyMeasure's class for the PL series drives the emulated Aim-TTi supply.
-
-    The PL series has the same commands as the other series; only the range of the current differs.
-    """
     aimtti = importlib.import_module("pymeasure.instruments.aimtti")
     coil = CoilSupply(WallClock(), resistance_ohm=1.0)
     with serve_tcp(emulate("aim-tti", coil)) as address:

@@ -1,8 +1,4 @@
-"""Emulated SCPI supplies answer as their manuals describe.
-
-The emulated coil has 4 ohm, and the emulated supply accepts at most 5 A and 30 V. Every answer depends on the messages
-before.
-"""
+"""Emulated SCPI supplies answer as their manuals describe."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Small properties of drivers, recordings, settings and emulated instruments on which users rely.
-
-Examples are the order of the files in an image series, the rounding of set-points, and the address of a supply that was
-unplugged.
-"""
+"""Small properties of drivers, recordings, settings and emulated instruments on which users rely."""
 
 from __future__ import annotations
 
@@ -184,7 +180,7 @@ def test_a_bit4886_sets_a_current_in_current_mode_only() -> None:
 
 
 class ReopensWhenRead(TextLine):
-    """A faulty sensor driver: only a `read` opens its line again, and `close` raises an error if the line is closed."""
+    """A faulty sensor driver: `read` opens its line again, and `close` fails on a closed line."""
 
     is_closed = False
 
@@ -256,7 +252,7 @@ def test_a_session_serves_first_at_the_requested_port_and_then_at_a_free_port(mo
 
 
 class Constant:
-    """An instrument that gives the same answer to every message; an empty answer ends the connection."""
+    """An instrument with one answer to every message; an empty answer ends the connection."""
 
     def __init__(self, answer: bytes) -> None:
         self._answer = answer

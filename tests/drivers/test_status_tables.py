@@ -1,8 +1,4 @@
-"""The drivers interpret every error number, tripped protection and status bit as the manuals describe it.
-
-The tables in this file were written from the manuals, independently of the drivers. `test_every_row_has_a_case` fails
-if the table of a driver has an entry that this file lacks.
-"""
+"""The drivers interpret error numbers, tripped protections and status bits as the manuals describe."""
 
 from __future__ import annotations
 
@@ -128,7 +124,7 @@ def test_every_row_has_a_case() -> None:
 
 
 def answering(bench: Any, question: bytes, answer: bytes) -> None:
-    """Replace the emulated instrument's answer to one query until the end of the test."""
+    """Replace the emulated instrument's answer to one query."""
     usual = bench.line.receive
     bench.line.receive = lambda data: answer if data == question else usual(data)
 
@@ -152,9 +148,9 @@ def test_every_refusal_of_a_genesys_is_an_error_in_words(bench_of: Any, code: st
 
 
 def question_of(register: tuple[str, int]) -> bytes:
-    """Return the message with which a driver asks the supply for the value of a status register.
+    """Return the message with which a driver asks for a status register.
 
-    register: name of the driver, and index of the register in the driver's list of status registers.
+    register : name of the driver, and index of the register in its list
     """
     driver, place = register
     (profile,) = (p for p in PROFILES if p.driver == driver)
@@ -258,7 +254,7 @@ def test_positive_and_negative_numbers_of_scpi_errors_are_errors(bench_of: Any, 
 
 
 def tti(series: str) -> Any:
-    """Return a context manager that opens the driver of an emulated Aim-TTi supply of this series."""
+    """Return a context with the open driver of an emulated Aim-TTi supply of this series."""
     return supply_bench(SUPPLIES["aim-tti"], lambda coil: AimTtiDialect(coil, model=TTI_MODELS[series]))
 
 

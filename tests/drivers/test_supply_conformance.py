@@ -1,7 +1,4 @@
-"""Every supply driver passes the conformance suite (the checks for every driver) on every kind of line.
-
-The errors of the drivers name the cause.
-"""
+"""Every supply driver passes the checks for every driver on every kind of connection."""
 
 from __future__ import annotations
 

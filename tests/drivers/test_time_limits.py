@@ -1,7 +1,4 @@
-"""In simulated time, drivers wait as long as they should.
-
-An emulated fault begins when its condition is fulfilled, for example 3 s after a current has begun to flow.
-"""
+"""In simulated time, drivers wait as long as they should."""
 
 from __future__ import annotations
 
@@ -36,9 +33,9 @@ LIMITS = Limits(1.0, 12.0)
 
 
 class Timed:
-    """A connection to an instrument that records each message with the time at which it was sent.
+    """A connection that records each message with its time.
 
-    A read returns `answer`, raises `error`, or times out if neither is set.
+    answer, error : what a read returns or raises; without both, the read times out
     """
 
     def __init__(self, clock: SimulatedClock, answer: bytes = b"") -> None:
@@ -151,9 +148,9 @@ def test_a_set_point_that_never_reads_back_is_an_error_within_5_s(driver: str) -
 
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> tuple[EmulatedSession, CoilSupply, list[str]]:
-    """An emulated supply with a fault, in simulated time: the object that serves it, the supply, and the printed lines.
+    """An emulated supply in simulated time: the object that serves it, the supply, and the printed lines.
 
-    The fault is an offset of the measured current, 3 s after a current has begun to flow.
+    Its measured current gets an offset 3 s after a current has begun to flow.
     """
     clock = SimulatedClock()
     monkeypatch.setattr(supply_session, "WallClock", lambda: clock)
@@ -193,10 +190,6 @@ def test_a_fault_begins_its_time_after_the_current_flows_and_only_once(
 def test_a_session_looks_every_twentieth_of_a_second_until_its_supply_has_left(
     session: tuple[EmulatedSession, CoilSupply, list[str]], monkeypatch: pytest.MonkeyPatch, fault: Fault | None
 ) -> None:
-    """A session that serves an emulated supply looks at the supply every 50 ms, to begin a fault in time.
-
-    It stops looking only after the fault REENUMERATE, with which the supply leaves its address.
-    """
     served, coil, messages = session
     coil.set_voltage(12.0)
     coil.set_current(0.5)
@@ -260,7 +253,7 @@ def test_the_true_current_is_reported_when_it_changes(
 
 
 class Producer:
-    """A GenTL camera that delivers frames with the given numbers; for None, a wait ends without a frame."""
+    """A GenTL camera that delivers frames with the given numbers; None ends a wait without a frame."""
 
     def __init__(self, settings: CameraSettings, *numbers: int | None) -> None:
         self.waiting = list(numbers)

@@ -17,7 +17,7 @@ from tests.patience import PATIENCE_S
 
 
 class StubbornCamera:
-    """A camera whose method `stuck` does not return until the event `release` is set."""
+    """A camera whose method `stuck` waits for the event `release`."""
 
     settings = NO_SETTINGS
 
@@ -136,10 +136,7 @@ def test_the_caller_may_stop_waiting_for_a_camera_call() -> None:
 
 
 def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_camera() -> None:
-    """If the computer sleeps while the run waits for a frame, the error is about the sleep, not about a slow camera.
-
-    After the sleep, the time limit of the camera's call has passed too, but the camera has caused no delay.
-    """
+    # The computer sleeps while the run waits for a frame, so that the time limit of the camera's call has passed too.
     inner, now = StubbornCamera("grab"), [0.0]
 
     def refuse() -> None:
@@ -157,7 +154,6 @@ def test_a_gap_that_the_caller_notices_is_reported_before_the_timeout_of_the_cam
 
 
 def test_a_simulated_camera_is_timed_by_its_processor_time() -> None:
-    """The time limit of a simulated camera applies to its processor time, because a busy computer delays the camera."""
     inner = StubbornCamera("grab")
     waits: list[bool] = []
 

@@ -1,4 +1,4 @@
-"""The driver arms and verifies the watchdog of a supply: a timer that switches the output off without messages."""
+"""The driver starts and verifies the watchdog of a supply: a timer that switches the output off without messages."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""A driver that breaks one requirement of the conformance suite gets an error that names this requirement.
-
-The conformance suite consists of the checks that each driver must pass. For each requirement, this file has a driver
-that breaks only this requirement.
-"""
+"""A driver that breaks one requirement of the checks for every driver gets an error that names this requirement."""
 
 from __future__ import annotations
 
@@ -38,7 +34,7 @@ Kepco: Any = SUPPLIES["kepco-bop"]
 
 
 def supply(base: Any = Scpi, **members: Any) -> type:
-    """Return a driver class with the base class `base`, of which `members` replace some methods or attributes."""
+    """Return a driver class with methods or attributes replaced by `members`."""
     return type("Replaced", (base,), members)
 
 
@@ -93,7 +89,7 @@ def accepts_negative(self: Any, current_A: float) -> None:
 
 
 def complains_while(on: bool) -> Callable[..., None]:
-    """Return a method `check` for a faulty driver: it raises an error while the output is on (off, if not `on`)."""
+    """Return a faulty method `check`, which raises an error while the output is on (or off, if not `on`)."""
 
     def check(self: Any) -> None:
         Scpi.check(self)
@@ -104,7 +100,7 @@ def complains_while(on: bool) -> Callable[..., None]:
 
 
 def quietly(*errors: type[Exception]) -> Callable[[str], Callable[..., Any]]:
-    """Return a function that makes a faulty method: it hides exceptions of the classes `errors`, and returns None."""
+    """Return a function from a name to a faulty method, which hides exceptions of the classes `errors`."""
 
     def member(name: str) -> Callable[..., Any]:
         def act(self: Any, *arguments: Any) -> Any:
@@ -318,7 +314,7 @@ def test_the_broken_requirement_of_a_supply_is_named(name: str, driver: Any, wor
 
 
 class Good:
-    """A camera that fulfils every requirement of the conformance suite."""
+    """A camera that fulfils every requirement."""
 
     def __init__(self, source: str | int, settings: CameraSettings) -> None:
         if source == "absent":

@@ -1,4 +1,4 @@
-"""The commands of a how-to page measure and fit a beam on an emulated bench, over real communication protocols."""
+"""The commands of a how-to page measure and fit a beam on an emulated bench."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ pytestmark = needs_aravis
 
 
 def commands() -> list[str]:
-    """Return the commands of the how-to: they serve the bench, measure on the bench, and fit the measurement."""
+    """Return the commands of the how-to: serve the bench, measure, fit."""
     return re.findall(r"```sh\n(.*?)```", HOWTO.read_text(encoding="utf-8"), re.S)
 
 
 @contextmanager
 def bench_served(command: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run the command that serves a bench, yield when its rig file is announced, and end the command with Ctrl-C."""
+    """Run the command that serves a bench, yield when the bench is ready, and end it with Ctrl-C."""
     with (
         only_gige_camera(),
         subprocess.Popen(

@@ -1,4 +1,4 @@
-"""A user's commands work one after another: a demonstration, fits of its dataset, and validations of the fits."""
+"""A user's commands work one after another: demonstration, fits and validations."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def moduli(fits: Path) -> dict[str, float]:
 
 
 def rig_of(folder: Path, model: str, parameters: str) -> Path:
-    """Write a copy of the program's virtual rig with another hidden material; return the path of the rig file.
+    """Write a copy of the virtual rig with another material, and return its path.
 
-    The commands under test do not know the material. model, parameters: its law, and the parameters of the law as TOML.
+    model, parameters : law, and its parameters as TOML
     """
     for file in VIRTUAL.glob("virtual*.toml"):
         shutil.copy(file, folder)
@@ -44,7 +44,7 @@ def rig_of(folder: Path, model: str, parameters: str) -> Path:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a quick demonstration (`eimi demo`), and the output of the command."""
+    """The folder of a quick demonstration (`eimi demo`), and its output."""
     folder = tmp_path_factory.mktemp("demonstration")
     command = [sys.executable, "-m", "eimi_lab", "demo", "--quick", "-o", "demo"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
@@ -147,10 +147,7 @@ def test_edges_become_labelled_arrays(demonstration):
 
 
 def test_a_validation_uses_the_inputs_that_the_fit_has_estimated(demonstration, done, tmp_path):
-    """On the dataset of the fit, a validation gives the same errors as the fit, because it uses the estimated inputs.
-
-    On any other dataset, all inputs have the values in the files.
-    """
+    # On any other dataset, all inputs have the values in the files.
     dataset = demonstration[0] / "dataset.h5"
     free = ["--free", "moment=0.02", "--free", "roll=0.1", "--free", "clamp=0.02"]
     plane = ["--section", "plane-stress"]  # plane stress is faster than a solid

@@ -1,4 +1,4 @@
-"""A fit to ring-downs (free vibrations) and creep of the virtual rig finds the viscoelastic (Prony) law."""
+"""A fit to free vibrations and creep of the virtual rig finds the viscoelastic law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""After a run with an emulated gaussmeter, the fit uses the measured field instead of a wrong coil constant."""
+"""After a run with an emulated gaussmeter, the fit uses the measured field, and not a wrong coil constant."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ timeout_s = 30.0
 
 
 def write_bench(folder: Path, sensors: str) -> None:
-    """Write a virtual rig whose true coil constant and background field differ from the values in its calibration file.
+    """Write a virtual rig whose true magnetic field differs from its calibration.
 
-    sensors: TOML text that describes the sensors of the rig.
+    sensors : sensors of the rig as TOML
     """
     rig = locate("virtual", "rigs").read_text().replace("mesh = [26, 3, 1]", "mesh = [10, 2, 1]") + sensors
     (folder / "rig.toml").write_text(rig)

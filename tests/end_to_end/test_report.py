@@ -65,7 +65,7 @@ def test_a_report_shows_tensile_fits_beside_bending_fits(done: Done, folder: Pat
 
 
 class Copying(ThreadPoolExecutor):
-    """An executor that pickles arguments and results, as an executor with other processes does."""
+    """An executor that pickles arguments and results, as worker processes do."""
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
         copy = pickle.loads(pickle.dumps((arguments, options)))
@@ -123,10 +123,7 @@ def test_a_fit_that_fails_beside_the_others_is_simulated_alone(
 
 
 def test_a_page_is_the_same_with_workers_and_without(folder: Path) -> None:
-    """A report that several worker processes draw is the same as a report that one process draws.
-
-    The order in which the panels (parts of the report) are drawn differs: workers draw the panels of the fits first.
-    """
+    # Workers draw the panels of the fits first.
     (folder / "again.json").write_text((folder / "fits.json").read_text())
     fits = [folder / name for name in ("fits.json", "tensile.json", "again.json")]
     pages, totals = [], []
@@ -158,10 +155,7 @@ def test_a_report_starts_one_worker_for_each_dataset_unless_the_option_says_othe
 
 
 class WellFormed(HTMLParser):
-    """A parser of an HTML page that asserts its form, and collects the text of the page in `text`.
-
-    All elements must be closed in order, attributes and ids must be unique, and every image must have `alt`.
-    """
+    """A parser of an HTML page that asserts closed elements, unique ids and `alt` texts, and collects `text`."""
 
     VOID = frozenset({"meta", "img", "br"})
 
@@ -232,7 +226,6 @@ def test_the_references_agree_with_the_citation_file() -> None:
 def test_one_new_file_adds_a_panel_to_the_report(
     done: Done, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The example of a panel (part of a report) in CONTRIBUTING.md appears as soon as its file is in a folder."""
     guide = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = (block for block in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "PANEL = " in block)
     (tmp_path / "tip_forces.py").write_text(code, encoding="utf-8")
@@ -295,10 +288,7 @@ def test_bands_of_stress_follow_from_the_intervals_of_the_parameters(folder: Pat
 
 
 def test_planar_tension_and_shear_follow_their_closed_forms() -> None:
-    """The stresses in planar tension and shear agree with closed forms of the Mooney-Rivlin law.
-
-    Source: Treloar 1975, The Physics of Rubber Elasticity, chapter 5.
-    """
+    # Source: Treloar 1975, The Physics of Rubber Elasticity, chapter 5.
     law, strain = LAWS["mooney-rivlin"], np.linspace(0, 1, 11)
     c10, c01, stretch = 20e3, 4e3, 1 + strain
     uniaxial, planar, shear = (mode.stress_Pa(law, np.array([c10, c01]), strain) for mode in MODES)

@@ -1,4 +1,4 @@
-"""Open files, locks, pipes, processes, ports and text work on Windows, too. The script `.ci/windows` uses Wine."""
+"""Open files, locks, pipes, processes, ports and text work on Windows; the script `.ci/windows` uses Wine."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def wait_for(path: Path) -> None:
 
 @contextmanager
 def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run code in another process; yield this process after the code, and keep it alive until the context ends."""
+    """Run code in another process; yield the process after the code, and end it with the context."""
     process = subprocess.Popen(
         [sys.executable, "-c", code + "\nopen('ready', 'w').close(); input()"], cwd=folder, stdin=-1
     )
@@ -70,10 +70,9 @@ def another_process(folder: Path, code: str) -> Iterator[subprocess.Popen[bytes]
 
 @contextmanager
 def indexed(folder: Path) -> Iterator[set[tuple[str, int]]]:
-    """Open every new or changed file below a folder for 0.2 s, as an indexer or a virus scanner of Windows does.
+    """Open every new or changed file for 0.2 s, as a virus scanner does; yield the opened files and their times.
 
-    While a file is open, no other program can write to it, move it or remove it. Yield the set of the files that were
-    opened so far, each as its path and the time of its change.
+    While a file is open, no other program can write, move or remove the file.
     """
     kernel = ctypes.WinDLL("kernel32")
     kernel.CreateFileW.restype = ctypes.c_void_p
