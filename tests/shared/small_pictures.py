@@ -23,6 +23,7 @@ CALIBRATION = Calibration(
 
 
 def specimen(width_mm: object = 2.0, length_mm: float = 12.0, depth_mm: float = 4.0) -> SpecimenFile:
+    """Return a specimen; its width may be a list of rows: distance from the clamp and width, mm."""
     beam = {"name": "bar", "material": "silicone", "length_mm": length_mm, "width_mm": width_mm, "depth_mm": depth_mm}
     return SpecimenFile.model_validate({"specimen": {**beam, "density_kg_m3": 1070.0}})
 

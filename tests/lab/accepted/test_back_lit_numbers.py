@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import Calibration
-from eimi_lab.config.size_along import SizeAlong
 from eimi_lab.config.specimen import SpecimenFile
 from eimi_lab.vision.beam_frame import BeamFrame
 from eimi_lab.vision.edges.apparent_width import apparent_width_mm
@@ -115,8 +114,8 @@ def saturated() -> Case:
 def of_stepped_width() -> Case:
     picture = back_lit()
     wide = picture.along < 42.0
-    rows = ((0.0, 2.0), (6.0, 2.0), (6.0, 1.6), (12.0, 1.6))
-    return Case(beam(picture, half_px=np.where(wide, 7.0, 5.6)).exposed()[..., 0], specimen(SizeAlong(rows)))
+    rows = [[0.0, 2.0], [6.0, 2.0], [6.0, 1.6], [12.0, 1.6]]
+    return Case(beam(picture, half_px=np.where(wide, 7.0, 5.6)).exposed()[..., 0], specimen(rows))
 
 
 def through_a_lens() -> Case:

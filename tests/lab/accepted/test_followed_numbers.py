@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from eimi_lab.config.calibration import Picture
-from eimi_lab.config.size_along import SizeAlong
 from eimi_lab.vision.edges.finding import find_edges, follow_beam
 from eimi_lab.vision.following.explaining import draw_steps
 from eimi_lab.vision.following.follow import FollowedBeam
@@ -112,8 +111,8 @@ def of_varying_width() -> FollowedBeam:
     share = np.linspace(0.0, 1.0, 7)
     widths = 2.0 * (1.2 - 0.4 * share)
     half = 3.5 * np.interp(picture.along, 84.0 * share, widths)
-    size = SizeAlong(tuple(zip((12.0 * share).tolist(), widths.tolist(), strict=True)))
-    return follow_beam(picture.beam(half).exposed(), CALIBRATION, specimen(size))
+    rows = np.column_stack([12.0 * share, widths]).tolist()
+    return follow_beam(picture.beam(half).exposed(), CALIBRATION, specimen(rows))
 
 
 def with_rough_edges() -> FollowedBeam:
