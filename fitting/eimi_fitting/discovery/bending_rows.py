@@ -183,10 +183,10 @@ def _whitened(
 ) -> tuple[Rows, float]:
     """Return the equations of one beam, transformed to independent errors of variance 1, and the noise in mm.
 
-    Shapes, for K states and 2 groups of m points: model_error (K, 2, m), slopes (J, K, 2, m), nuisances (q, K, 2, m).
-    model_error: error of the beam model, mm. slopes: derivatives of the residuals by the J coefficients, mm/Pa.
-    nuisances:
-    changes of the residuals (mm) for q errors of inputs of one standard uncertainty. about: the J coefficients, Pa.
+    model_error: error of the beam model, mm, (K, 2, m) for K states and two groups of m points. slopes: derivatives of
+    the
+    residuals by J coefficients, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of inputs of one
+    standard uncertainty, mm, (q, K, 2, m). about: the coefficients, Pa, (J,).
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
