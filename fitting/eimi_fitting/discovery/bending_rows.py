@@ -184,9 +184,8 @@ def _whitened(
     """Return the equations of one beam, transformed to independent errors of variance 1, and the noise in mm.
 
     model_error: error of the beam model, mm, (K, 2, m) for K states and two groups of m points. slopes: derivatives of
-    the
-    residuals by J coefficients, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of inputs of one
-    standard uncertainty, mm, (q, K, 2, m). about: the coefficients, Pa, (J,).
+    the residuals by J coefficients, mm/Pa, (J, K, 2, m). nuisances: changes of the residuals by q errors of inputs of
+    one standard uncertainty, mm, (q, K, 2, m). about: the coefficients, Pa, (J,).
     """
     residuals, weights = misfit.residuals[0], misfit.weights
     used = weights > 0
