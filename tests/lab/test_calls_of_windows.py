@@ -192,7 +192,7 @@ def test_a_pipe_is_looked_at_until_data_come_or_the_other_end_is_closed(
 
     kernel.does["PeekNamedPipe"] = peek
     module = on_windows("pipes")
-    assert not module.readable(3, 0.0)
+    assert module.readable(3, 0.0) is False
     assert clock["s"] == 0.0
     assert not module.readable(3, 0.1)
     assert clock["s"] == pytest.approx(0.1, abs=0.011)

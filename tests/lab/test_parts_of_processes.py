@@ -388,6 +388,7 @@ def test_a_terminal_shows_a_bar_with_the_number_of_steps(monkeypatch: pytest.Mon
         report("0.1 A")
         report.underway("settling")
         report("0.2 A")
+    assert "acquire" in terminal.getvalue()
     last = terminal.getvalue().split("acquire")[-1]
     assert "2/3" in last
     assert "0.2 A" in last
@@ -409,6 +410,14 @@ def test_the_last_line_of_progress_has_no_estimate(
             report(words)
             report.underway("not shown")
     assert capsys.readouterr().err == "fit 1/3: a\nfit 2/3: b, about 2 s left\nfit 3/3: c\n"
+
+
+def test_a_line_of_progress_does_not_wait_in_a_buffer(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(written, encoding="utf-8", newline="\n"))
+    with progress("fit", 1) as report:
+        report("done")
+        assert written.getvalue() == b"fit 1/1: done\n"
 
 
 def test_progress_is_hidden_only_within_its_context(capsys: pytest.CaptureFixture[str]) -> None:

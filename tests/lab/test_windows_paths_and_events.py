@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+from pathlib import Path
 
 import pytest
 
 from eimi_lab.process import console, replacing
-from eimi_lab.process.paths import LONGEST_PLAIN, with_prefix
+from eimi_lab.process.paths import reachable, with_prefix
 
 DEEP = "\\folder" * 40
 
@@ -23,11 +24,21 @@ DEEP = "\\folder" * 40
         (f"\\\\?\\UNC\\server\\share{DEEP}\\..\\x", f"\\\\?\\UNC\\server\\share{DEEP[:-7]}\\x"),
         (f"\\\\?\\UNC\\server\\share\\..\\..{DEEP}", f"\\\\?\\UNC\\server\\share{DEEP}"),
         ("\\\\.\\COM10", "run.h5"),
-        ("C:\\" + "x" * (LONGEST_PLAIN - 3), "run.h5"),
+        ("C:\\" + "x" * 157, "run.h5"),
+        ("C:\\" + "x" * 158, "\\\\?\\C:\\" + "x" * 158),
     ],
 )
 def test_a_long_path_of_windows_gets_the_prefix_for_long_paths(absolute: str, reached: str) -> None:
     assert with_prefix(absolute, "run.h5") == reached
+
+
+def test_only_windows_needs_the_prefix(monkeypatch: pytest.MonkeyPatch) -> None:
+    long = Path("/" + "x" * 200)
+    monkeypatch.setattr(replacing.sys, "platform", "linux")
+    assert reachable(long) is long
+    monkeypatch.setattr(replacing.sys, "platform", "win32")
+    assert str(reachable(long)) == f"\\\\?\\{long}"
+    assert reachable(Path("/short")) == Path("/short")
 
 
 @pytest.mark.parametrize(("event", "acts"), [(0, False), (1, False), (2, True), (5, True), (6, True), (3, False)])

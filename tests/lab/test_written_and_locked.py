@@ -513,6 +513,7 @@ def test_a_file_system_without_locks_gets_a_warning(
     open_locks: Callable[[], int],
 ) -> None:
     def unsupported(descriptor: int, blocking: bool) -> bool:
+        lock_file(tmp_path / "run.h5").unlink(missing_ok=True)  # another program removes it
         raise OSError(errno.ENOLCK, "No locks available")
 
     path = tmp_path / "run.h5"
