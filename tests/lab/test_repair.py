@@ -1,0 +1,519 @@
+"""A dataset with flipped bits or lost parts is repaired and copied by the functions that `eimi recover` runs.
+
+`test_recovery.py` tests the whole command, which runs these functions in another process.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from eimi_drivers.interfaces import Frame, SensorReading
+from eimi_lab.config.calibration import load_calibration
+from eimi_lab.config.specimen import load_specimen
+from eimi_lab.dataset import recovery
+from eimi_lab.dataset.layout import Header
+from eimi_lab.dataset.logged_sensor import LoggedSensor
+from eimi_lab.dataset.reading import open_dataset
+from eimi_lab.dataset.recordings import Moment
+from eimi_lab.dataset.repair import blocks, probing
+from eimi_lab.dataset.repair.checksums import fletcher32, lookup3
+from eimi_lab.dataset.repair.chunks import mend_chunks
+from eimi_lab.dataset.repair.mended_file import MendedFile
+from eimi_lab.dataset.repair.metadata import mend_metadata
+from eimi_lab.dataset.repair.superblock import close_superblock, is_hdf5
+from eimi_lab.dataset.writing import DatasetWriter
+from eimi_lab.process.errors import InputError, OwnFault
+
+STATES = 3
+SENSOR = LoggedSensor("probe", "F41", "field", "mT")
+
+
+def image(number: int) -> np.ndarray:
+    return np.random.default_rng(number).integers(0, 255, (24, 32)).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a dataset of three states with two frames each, run.h5, and its copy before it was closed."""
+    files = tmp_path_factory.mktemp("written")
+    header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), sensors=(SENSOR,))
+    with DatasetWriter(files / "run.h5", header, Frame(image(0), 0, 0.0)) as writer:
+        for k in range(STATES):
+            frames = [Frame(image(2 * k + i), 2 * k + i, 0.1 * i) for i in (0, 1)]
+            sensed = [{"probe": SensorReading(float(k), "mT", 2.0 * k + i)} for i in (0, 1)]
+            times = [2.0 * k, 2.0 * k + 1.0]
+            writer.append_state(
+                frames, current_A=k / 10, field_mT=0.47 * k, time_s=times, tip_force_N=0.1, sensed=sensed
+            )
+        shutil.copyfile(files / "run.h5", files / "crashed.h5")
+    return files
+
+
+@pytest.fixture
+def crashed(written: Path, tmp_path: Path) -> Path:
+    """The path of a dataset of three states whose writer did not close it."""
+    return Path(shutil.copy(written / "crashed.h5", tmp_path))
+
+
+@pytest.fixture
+def finished(written: Path, tmp_path: Path) -> Path:
+    """The path of the same dataset, which its writer has closed."""
+    return Path(shutil.copy(written / "run.h5", tmp_path))
+
+
+def flipped(path: Path, *bits: int) -> Path:
+    """Write a copy of a file in which some bits are flipped, counted from the beginning of the file."""
+    content = bytearray(path.read_bytes())
+    for bit in bits:
+        content[bit // 8] ^= 1 << bit % 8
+    copy = path.with_name("flipped.h5")
+    copy.write_bytes(content)
+    return copy
+
+
+def in_chunk(path: Path, place: str, number: int) -> tuple[int, int]:
+    """Return the position and the length of a chunk of an array, in bytes."""
+    with h5py.File(path) as file:
+        chunk = file[place].id.get_chunk_info(number)
+        return chunk.byte_offset, chunk.size
+
+
+# Blocks of metadata
+
+
+@pytest.mark.parametrize("signature", [b"OHDR", b"OCHK", b"EAHD", b"EAIB", b"EADB", b"FRHP", b"FHDB", b"BTHD", b"BTLF"])
+def test_one_flipped_bit_of_each_kind_of_block_is_flipped_back(finished: Path, signature: bytes) -> None:
+    raw = finished.read_bytes()
+    places = [match.start() for match in re.finditer(signature, raw)]
+    if not places:
+        pytest.skip("HDF5 wrote no block of this kind into the small file")
+    # The first is behind the address of the header of the block; the second is in the signature.
+    bits = [8 * (places[-1] + 16) + 3] + ([8 * places[0] + 9] if signature in (b"OHDR", b"BTLF") else [])
+    for bit in bits:
+        content[bit // 8] ^= 1 << bit % 8
+    copy = path.with_name("flipped.h5")
+    copy.write_bytes(content)
+    return copy
+
+
+def in_chunk(path: Path, place: str, number: int) -> tuple[int, int]:
+    """Return the position and the length of a chunk of an array, in bytes."""
+    with h5py.File(path) as file:
+        chunk = file[place].id.get_chunk_info(number)
+        return chunk.byte_offset, chunk.size
+
+
+# Blocks of metadata
+
+
+@pytest.mark.parametrize("signature", [b"OHDR", b"OCHK", b"EAHD", b"EAIB", b"EADB", b"FRHP", b"FHDB", b"BTHD", b"BTLF"])
+def test_one_flipped_bit_of_each_kind_of_block_is_flipped_back(finished: Path, signature: bytes) -> None:
+    raw = finished.read_bytes()
+    places = [match.start() for match in re.finditer(signature, raw)]
+    if not places:
+        pytest.skip("HDF5 wrote no block of this kind into the small file")
+    bits = [8 * (places[0] + 16) + 3, 8 * (places[-1] + 18) + 6]  # behind the address of the header of the block
+    if signature != b"OCHK":  # its signature is not searched for; the header tells its place
+        bits.append(8 * places[0] + 9)
+    for bit in bits:
+        file = MendedFile(flipped(finished, bit))
+        assert mend_metadata(file) == 1
+        assert file.bytes_at(0, file.size) == raw
+        file.close()
+
+
+def test_the_checksum_of_a_header_and_its_length_are_mended(finished: Path) -> None:
+    raw = finished.read_bytes()
+    headers = [match.start() for match in re.finditer(b"OHDR", raw)]
+    for at in headers[:2]:
+        flags = raw[at + 5]
+        place = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
+        width = 1 << (flags & 3)
+        length = place - at + width + int.from_bytes(raw[place : place + width], "little") + 4
+        assert lookup3(raw[at : at + length - 4]) == int.from_bytes(raw[at + length - 4 : at + length], "little")
+        for bit in (8 * place + 2, 8 * (at + length - 1) + 7):
+            file = MendedFile(flipped(finished, bit))
+            assert mend_metadata(file) == 1
+            assert file.bytes_at(0, file.size) == raw
+            file.close()
+
+
+def test_sound_metadata_are_left_alone(finished: Path) -> None:
+    file = MendedFile(finished)
+    assert mend_metadata(file) == 0
+    assert (file.patches, file.searched_bytes) == ({}, 0)
+    file.close()
+
+
+def test_two_damaged_blocks_are_both_mended(finished: Path) -> None:
+    raw = finished.read_bytes()
+    headers = [match.start() for match in re.finditer(b"OHDR", raw)]
+    file = MendedFile(flipped(finished, 8 * (headers[0] + 20) + 1, 8 * (headers[3] + 20) + 1))
+    assert mend_metadata(file) == 2
+    assert file.bytes_at(0, file.size) == raw
+    file.close()
+
+
+def block_in(path: Path, content: bytes) -> MendedFile:
+    path.write_bytes(b"before" + content + b"behind")
+    return MendedFile(path)
+
+
+@pytest.mark.parametrize(("length", "possible"), [(8, False), (9, True), (16_384, True), (16_385, False)])
+def test_a_block_has_9_to_16384_bytes(tmp_path: Path, length: int, possible: bool) -> None:
+    body = bytes(range(256)) * 65
+    block = body[: length - 4] + lookup3(body[: length - 4]).to_bytes(4, "little")
+    file = block_in(tmp_path / "block", block)
+    assert blocks.is_sound(file, 6, length) is possible
+    assert blocks.mend_block(file, 6, length) is (None if possible else False)
+    file.patch(6, bytes([block[0] ^ 1]))
+    assert not blocks.is_sound(file, 6, length)
+    file.close()
+
+
+def test_a_block_is_mended_or_its_search_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = bytes(range(40))
+    block = body + lookup3(body).to_bytes(4, "little")
+    file = block_in(tmp_path / "block", block)
+    file.patch(6 + 41, bytes([block[41] ^ 16]))  # in the checksum
+    assert blocks.mend_block(file, 6, 44) is True
+    assert file.bytes_at(6, 44) == block
+    file.patch(6 + 10, bytes([block[10] ^ 16]))
+    assert blocks.mend_block(file, 6, 44) is True
+    assert file.bytes_at(6, 44) == block
+    assert file.searched_bytes == 0
+    file.patch(6 + 10, bytes([block[10] ^ 3]))  # two bits
+    assert blocks.mend_block(file, 6, 44) is False
+    assert file.searched_bytes == 8 * 40**2
+    monkeypatch.setattr(blocks, "MOST_SEARCHED_BYTES", 2 * 8 * 40**2)
+    file.patch(6 + 10, bytes([block[10] ^ 1]))
+    assert blocks.mend_block(file, 6, 44) is True
+    file.searched_bytes += 1
+    file.patch(6 + 10, bytes([block[10] ^ 1]))
+    assert blocks.mend_block(file, 6, 44) is False  # too much was searched already
+    assert blocks.mend_block(file, 20, 44) is False  # the file ends before
+    file.close()
+
+
+# Chunks and the superblock
+
+
+def test_a_flipped_bit_of_a_chunk_or_of_its_checksum_is_flipped_back(finished: Path) -> None:
+    raw = finished.read_bytes()
+    at, size = in_chunk(finished, "entry/data/frames", 1)
+    assert fletcher32(raw[at : at + size - 4]) == int.from_bytes(raw[at + size - 4 : at + size], "little")
+    for bit in (8 * at, 8 * at + 15, 8 * (at + 77) + 3, 8 * (at + size - 1) + 7, 8 * (at + size - 4)):
+        file = MendedFile(flipped(finished, bit))
+        with h5py.File(file, "r") as opened:
+            assert mend_chunks(file, opened["entry/data/time"]) == 0
+            assert mend_chunks(file, opened["entry/data/frames"]) == 1
+        assert file.patches == {bit // 8: raw[bit // 8]}
+        file.close()
+    file = MendedFile(flipped(finished, 8 * at + 1, 8 * at + 90))  # two bits cannot be found
+    with h5py.File(file, "r") as opened:
+        assert mend_chunks(file, opened["entry/data/frames"]) == 0
+        assert mend_chunks(file, opened["entry/title"]) == 0
+    file.close()
+
+
+def test_a_file_that_was_never_closed_is_marked_as_closed(crashed: Path, finished: Path) -> None:
+    """Byte 11 of the superblock is the mark, and byte 28 begins the end of the file (HDF5 File Format, II.A)."""
+    file = MendedFile(crashed)
+    assert crashed.read_bytes()[11] != 0
+    close_superblock(file)
+    head = file.bytes_at(0, 48)
+    assert head[:11] == b"\x89HDF\r\n\x1a\n\x03\x08\x08"
+    assert head[11] == 0
+    assert int.from_bytes(head[28:36], "little") == file.size == crashed.stat().st_size
+    assert int.from_bytes(head[44:], "little") == lookup3(head[:44])
+    with h5py.File(file, "r") as opened:
+        assert len(opened["entry/states/index"]) == STATES
+    damaged = MendedFile(flipped(finished, 8 * 2 + 1, 8 * 9))
+    close_superblock(damaged)
+    assert damaged.bytes_at(0, 28) == finished.read_bytes()[:28]
+    for opened_file in (file, damaged):
+        opened_file.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "recognised"),
+    [
+        (b"\x89HDFxxxx" + bytes(40), True),
+        (b"\x89HDxxxxx" + bytes(40), False),
+        (b"\x89HDFxxxx" + bytes(39), False),
+        (bytes(60) + b"OHDR" + bytes(9), True),
+        (bytes(100), False),
+        (b"", False),
+    ],
+)
+def test_half_of_the_signature_or_a_header_shows_an_hdf5_file(tmp_path: Path, content: bytes, recognised: bool) -> None:
+    path = tmp_path / "x.h5"
+    path.write_bytes(content)
+    file = MendedFile(path)
+    assert is_hdf5(file) is recognised
+    file.close()
+
+
+def test_a_mended_file_is_read_like_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    path.write_bytes(bytes(range(10)))
+    file = MendedFile(path)
+    file.patch(3, b"ab")
+    file.flip(0, 8 * 9 + 1)
+    assert file.bytes_at(2, 4) == b"\x02ab\x05"
+    assert file.bytes_at(8, 9) == bytes([8, 9 ^ 2])
+    assert file.bytes_at(5, 3) == bytes([5, 6, 7])
+    assert (file.bytes_at(-1, 4), file.bytes_at(10, 4)) == (b"", b"")
+    assert (file.seek(4), file.tell()) == (4, 4)
+    assert file.read(2) == b"b\x05"
+    assert (file.seek(-1, 1), file.seek(-2, 2)) == (5, 8)
+    buffer = bytearray(b"xxxx")
+    assert file.readinto(memoryview(buffer)) == 2
+    assert (bytes(buffer), file.tell()) == (bytes([8, 9 ^ 2]) + b"xx", 10)
+    assert (file.readable(), file.seekable()) == (True, True)
+    assert list(file.find(re.compile(b"[\x01\x02\x09]"))) == [1, 2, 9]
+    assert path.read_bytes() == bytes(range(10))
+    file.close()
+    assert file.closed
+    file.close()
+
+
+# Copies of what is readable
+
+
+def copied(path: Path) -> tuple[Any, list[str]]:
+    """Return an open copy of what is readable, and the lines about what was corrected or lost."""
+    copy = path.with_name("copy.h5")
+    states, lines = recovery.copy_readable(path, copy)
+    dataset = open_dataset(copy)
+    assert len(dataset.states) == states
+    return dataset, lines
+
+
+def test_a_crashed_dataset_is_copied_whole(crashed: Path) -> None:
+    dataset, lines = copied(crashed)
+    with dataset:
+        assert lines == []
+        assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2]
+        assert [state.tip_force_N for state in dataset.states] == [0.1] * 3
+        for k in range(STATES):
+            np.testing.assert_array_equal(dataset.images(k), [image(2 * k), image(2 * k + 1)])
+        (log,) = dataset.sensors()
+        np.testing.assert_allclose(log.value, [0, 0, 1, 1, 2, 2])
+    with h5py.File(crashed.with_name("copy.h5")) as file:
+        assert file.attrs["default"] == "entry"
+        assert file["entry/data"].attrs["signal"] == "frames"
+        detector = h5py.h5o.get_info(file["entry/instrument/detector/data"].id).addr
+        assert detector == h5py.h5o.get_info(file["entry/data/frames"].id).addr  # one array with two names
+
+
+def test_flipped_bits_are_counted_in_the_report(finished: Path) -> None:
+    at, _ = in_chunk(finished, "entry/data/frames", 2)
+    header = finished.read_bytes().index(b"OHDR")
+    dataset, lines = copied(flipped(finished, 8 * (at + 5), 8 * (header + 20)))
+    with dataset:
+        assert lines == ["single flipped bits in the file that were corrected: 2"]
+        np.testing.assert_array_equal(dataset.images(1)[0], image(2))
+
+
+def test_damaged_frames_are_left_out_and_their_states_are_flagged(finished: Path) -> None:
+    """The second frame of state 0 and both frames of state 1 are damaged beyond a single bit."""
+    places = [in_chunk(finished, "entry/data/frames", number)[0] for number in (1, 2, 3)]
+    dataset, lines = copied(flipped(finished, *(8 * at + bit for at in places for bit in (1, 90))))
+    with dataset:
+        assert lines == [
+            "damaged frames left out: 3, of state 0, 1 (counted from 0); these states get the flag DROPPED"
+        ]
+        flags = [[(flag.name, flag.value) for flag in state.flags] for state in dataset.states]
+        assert flags == [[("DROPPED", 1.0)], [("DROPPED", 2.0)], []]
+        np.testing.assert_array_equal(dataset.images(0), [image(0)])
+        np.testing.assert_array_equal(dataset.images(1), [np.zeros((24, 32))])
+        np.testing.assert_array_equal(dataset.images(2), [image(4), image(5)])
+        np.testing.assert_allclose(dataset.times_of_states(), [0.0, 2.0, 4.5])
+        (log,) = dataset.sensors()
+        np.testing.assert_allclose(log.value, [0, 1, 2, 2])
+
+
+def test_damaged_columns_of_the_states_are_rebuilt_from_the_frames(finished: Path) -> None:
+    places = [in_chunk(finished, f"entry/states/{name}", 0)[0] for name in ("current", "tip_force")]
+    dataset, lines = copied(flipped(finished, *(8 * at + bit for at in places for bit in (1, 90))))
+    with dataset:
+        assert [state.current_A for state in dataset.states] == [0.0, 0.1, 0.2]
+        assert [state.tip_force_N for state in dataset.states] == [0.0] * 3
+        assert lines == [
+            "unreadable and left out: entry/states/current (rebuilt from the frames), "
+            "entry/states/tip_force (rebuilt from the frames)"
+        ]
+
+
+def test_rows_of_a_state_that_was_not_stored_completely_are_left_out(finished: Path) -> None:
+    with h5py.File(finished, "r+") as file:
+        file["entry/states/index"].resize(2, axis=0)
+    dataset, lines = copied(finished)
+    with dataset:
+        assert lines == []
+        assert len(dataset.states) == 2
+        (log,) = dataset.sensors()
+        assert len(log.value) == 4
+    with h5py.File(finished.with_name("copy.h5")) as file:
+        assert len(file["entry/data/frames"]) == len(file["entry/data/time"]) == 4
+        assert len(file["entry/states/flags"]) == 2
+
+
+def test_links_and_other_files_are_left_out_and_named(finished: Path) -> None:
+    with h5py.File(finished, "r+") as file:
+        file["entry/soft"] = h5py.SoftLink("/entry/title")
+        file.create_dataset("entry/outside", (8,), "f8", external=[("/etc/passwd", 0, 64)])
+    dataset, lines = copied(finished)
+    dataset.close()
+    assert lines == [
+        "unreadable and left out: /entry/outside (kept in another file), /entry/soft (a link to another place)"
+    ]
+    with h5py.File(finished.with_name("copy.h5")) as file:
+        assert "soft" not in file["entry"]
+        assert "outside" not in file["entry"]
+
+
+def recorded(folder: Path) -> Path:
+    """Return the path of a dataset with three frames of a recording while the beam settled, which is closed."""
+    protocol: Any = SimpleNamespace(
+        transients=SimpleNamespace(frames_per_state=4),
+        ring_down=None,
+        conditioning=None,
+        creep=False,
+        text="name = 'n'",
+    )
+    header = Header(load_specimen("type1"), load_calibration("virtual_calibration"), protocol)
+    with DatasetWriter(folder / "recorded.h5", header, Frame(image(0), 0, 0.0)) as writer:
+        moments = [Moment(Frame(image(10 + k), k, 0.0), 0.1 * k, 0.1 * k, 0.0) for k in range(3)]
+        writer.append_state([Frame(image(0), 0, 0.0)], current_A=0.0, field_mT=0.0, transient=moments)
+    return folder / "recorded.h5"
+
+
+def test_damaged_frames_of_a_recording_are_left_out(tmp_path: Path) -> None:
+    path = recorded(tmp_path)
+    at, _ = in_chunk(path, "entry/transients/frames", 1)
+    dataset, lines = copied(flipped(path, 8 * at + 1, 8 * at + 90))
+    with dataset:
+        assert lines == ["damaged frames left out of transients: 1"]
+        transient = dataset.transient(0)
+        np.testing.assert_array_equal(transient.images, [image(10), image(12)])
+        np.testing.assert_allclose(transient.time_s, [0.0, 0.2])
+    at, _ = in_chunk(path, "entry/transients/state", 0)
+    dataset, lines = copied(flipped(path, 8 * at + 1, 8 * at + 90))
+    with dataset:
+        assert lines == ["unreadable and left out: entry/transients"]
+        assert dataset.transient(0) is None
+
+
+def test_what_cannot_be_read_at_all_is_refused(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = finished.with_name("other.h5")
+    other.write_bytes(b"text" * 100)
+    with pytest.raises(InputError, match=r"other\.h5: is not an HDF5 file"):
+        recovery.copy_readable(other, finished.with_name("copy.h5"))
+    with h5py.File(other, "w", libver=("v110", "latest")) as file:
+        file["x"] = 1
+    with pytest.raises(InputError, match=r"other\.h5: is damaged \(.*entry"):
+        recovery.copy_readable(other, finished.with_name("copy.h5"))
+
+    def fail(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(recovery, "_copy", fail)
+    with pytest.raises(InputError, match=r"run\.h5: cannot be read with the memory that `eimi recover` may use"):
+        recovery.copy_readable(finished, finished.with_name("copy.h5"))
+
+    def wrong(*_: object) -> None:
+        raise ValueError("a fault of this program")
+
+    monkeypatch.setattr(recovery, "_copy", wrong)
+    with pytest.raises(ValueError, match="a fault of this program"):
+        recovery.copy_readable(finished, finished.with_name("copy.h5"))
+
+
+def test_a_file_that_is_being_written_is_read_beside_its_writer(crashed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[dict[str, Any]] = []
+    monkeypatch.setattr(recovery, "is_being_written", lambda path: path == crashed)
+    monkeypatch.setattr(recovery, "_copy", lambda source, *paths: (opened.append({"swmr": source.swmr_mode}), paths)[1])
+    assert recovery.copy_readable(crashed, crashed.with_name("copy.h5")) == (crashed, crashed.with_name("copy.h5"))
+    assert opened == [{"swmr": True}]
+
+
+# The other process
+
+
+def test_the_outcome_of_the_other_process_is_passed_on(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    asked: list[Any] = []
+    answer = SimpleNamespace(returncode=0, stdout=json.dumps({"states": 2, "said": ["a", "b"]}).encode(), stderr=b"")
+
+    def run(path: Path, command: list[str], within_s: float) -> Any:
+        asked.append((path, command[:-1], within_s))
+        Path(command[-1]).write_bytes(b"copy")
+        return answer
+
+    monkeypatch.setattr(recovery, "run_limited", run)
+    said: list[str] = []
+    target = finished.with_name("whole.h5")
+    assert recovery.recover(finished, target, say=said.append) == 2
+    assert said == [f"{finished}: a", f"{finished}: b"]
+    assert target.read_bytes() == b"copy"
+    within_s = 60.0 + finished.stat().st_size / 2e6
+    command = [sys.executable, "-P", "-m", "eimi_lab.dataset.recovery", str(finished)]
+    assert asked == [(finished, command, within_s)]
+    with pytest.raises(InputError, match=r"whole\.h5: exists already"):
+        recovery.recover(finished, target)
+    answer.returncode, answer.stderr = 2, b"warning\nrun.h5: is damaged\n"
+    with pytest.raises(InputError, match=r"^run\.h5: is damaged$"):
+        recovery.recover(finished, target, force=True)
+    answer.returncode = 1
+    with pytest.raises(OwnFault, match=r"run\.h5: its recovery failed: run\.h5: is damaged: a fault of this program"):
+        recovery.recover(finished, target, force=True)
+    with pytest.raises(InputError, match=r"is a folder; give a dataset to recover"):
+        recovery.recover(tmp_path, target)
+    with pytest.raises(InputError, match=r"nothing\.h5: is not a file; give a dataset to recover"):
+        recovery.recover(tmp_path / "nothing.h5", target)
+
+
+def test_the_other_process_limits_itself_and_prints_its_outcome(
+    finished: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limits: list[Any] = []
+    monkeypatch.setattr(recovery, "obey_processor_limit", limits.append)
+    monkeypatch.setattr(recovery, "limit_memory", limits.append)
+    recovery._main(finished, finished.with_name("copy.h5"), "60")
+    assert json.loads(capsys.readouterr().out) == {"states": 3, "said": []}
+    assert limits == ["60", (4 << 30) + finished.stat().st_size]
+    finished.write_bytes(b"text" * 100)
+    with pytest.raises(SystemExit) as caught:
+        recovery._main(finished, finished.with_name("copy.h5"), "60")
+    assert caught.value.code == 2
+    assert "is not an HDF5 file" in capsys.readouterr().err
+
+
+def test_a_file_is_probed_in_another_process(crashed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    answer = SimpleNamespace(returncode=0, stderr=b"")
+    monkeypatch.setattr(probing, "run_limited", lambda *given: (asked.append(given), answer)[1])
+    assert probing.why_unreadable(crashed) == ""
+    command = [sys.executable, "-P", "-m", "eimi_lab.dataset.repair.probing", str(crashed)]
+    assert asked == [(crashed, command, 15.0)]
+    answer.returncode, answer.stderr = 1, b"Traceback\nOSError: wrong checksum\n"
+    assert probing.why_unreadable(crashed) == "OSError: wrong checksum"
+    answer.stderr = b""
+    assert probing.why_unreadable(crashed) == "HDF5 gave no reason"
+    probing.read_all_but_frames(crashed)
+    crashed.write_bytes(b"no file of HDF5")
+    with pytest.raises(OSError, match="signature"):
+        probing.read_all_but_frames(crashed)
