@@ -31,14 +31,14 @@ def changed(name: str, *amplitudes: float, loads: Loads = LOADS) -> Loads:
 
 
 class SimpleExperiment:
-    """A replacement for an experiment that has only loads."""
+    """A replacement for an experiment, with the attribute `loads` only."""
 
     def __init__(self, loads: Loads) -> None:
         self.loads = loads
 
 
 class Loaded:
-    """A replacement for the assumptions of a fit that has only the attribute `experiment`."""
+    """A replacement for the assumptions of a fit, with the attribute `experiment` only."""
 
     def __init__(self, experiment: Any) -> None:
         self.experiment = experiment

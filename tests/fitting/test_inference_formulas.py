@@ -619,7 +619,7 @@ def test_the_score_of_candidates_has_the_weights_of_their_errors() -> None:
 
 @pytest.fixture
 def deviance(monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Linearisation]:
-    """A function for the deviance (twice the decrease of the log-likelihood), and its linearised residuals."""
+    """A function for the deviance (twice the decrease of the log-likelihood), and the linearised residuals."""
     rng, unit = np.random.default_rng(4), np.array([0.5, 0.4])
     start, slopes = rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 2, 3))
 

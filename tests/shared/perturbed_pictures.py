@@ -37,7 +37,7 @@ def _noisy(deviation: float) -> Change:
 
 
 def _lit_from(direction: tuple[float, float]) -> Change:
-    """Return a change of a picture: light that increases from one side (0.5) to the other (1.3).
+    """Return a change of a picture: light that increases from one side (factor 0.5) to the other (factor 1.3).
 
     direction : unit vector (right, down) toward the bright side
     """

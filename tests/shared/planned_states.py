@@ -43,7 +43,7 @@ class Setting:
     tip_force_N: float = 0.0
 
     def loads(self, field_mT: Array = FIELD_MT) -> Loads:
-        """Return the loads of the beam at these magnetic fields (mT), one state for each field."""
+        """Return the loads of the beam at these magnetic fields (mT), one load step for each."""
         return Loads.along(field_mT, gravity_angle_deg=self.gravity_angle_deg, tip_force_N=self.tip_force_N)
 
 

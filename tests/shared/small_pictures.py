@@ -1,4 +1,4 @@
-"""Small pictures of a beam that is clamped at the top, for quick tests."""
+"""Small pictures of a beam that is clamped at the top, for quick tests of the edge search."""
 
 from __future__ import annotations
 

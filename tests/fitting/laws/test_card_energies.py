@@ -53,7 +53,7 @@ def two_over(numbers: Numbers) -> float:
 
 
 def two_over_first_of_three(numbers: Numbers) -> float:
-    """Return the bulk modulus 2/D_1 (MPa), where D_1, D_2 and D_3 are the last constants of a card."""
+    """Return the bulk modulus 2/D_1 (MPa), where D_1, D_2 and D_3 are the last three constants of a card."""
     assert list(numbers[-2:]) == [0.0, 0.0]
     return 2 / numbers[-3]
 
@@ -70,7 +70,7 @@ class Reading:
 def _keyword(
     *, of_yeoh: Callable[[Numbers], float], of_ogden: Callable[[Numbers], float], ansys: bool
 ) -> list[Reading]:
-    """Return, for each law, how Abaqus (or ANSYS, if `ansys`) interprets the constants in a material card.
+    """Return, for each law, how Abaqus (or ANSYS, if `ansys`) interprets the constants of a material card (input).
 
     of_yeoh, of_ogden : bulk modulus from the constants of Yeoh's and of Ogden's law, which differs between the programs
     """

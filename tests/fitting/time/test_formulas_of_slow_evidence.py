@@ -418,7 +418,7 @@ def test_the_budget_of_the_dynamic_modulus_has_its_sources_the_noise_and_the_sma
 
 
 def signals(channels_mm: np.ndarray, time_s: np.ndarray) -> Signals:
-    """Return signals with 0.1 mm noise from the coordinates of points; the second one is y of a point."""
+    """Return signals with a noise of 0.1 mm; the second one is the y coordinate of a point."""
     number = np.zeros(2, np.intp)
     return Signals(time_s, channels_mm, np.array([0.1, 0.1]), number, np.arange(2), channels_mm, np.eye(2), 0.0)
 

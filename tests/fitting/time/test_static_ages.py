@@ -1,4 +1,4 @@
-"""In a fit to several runs, each load step counts with its age, the time for which its load is held."""
+"""In a fit to several runs, each load step counts with its age (the time until its measurement)."""
 
 from __future__ import annotations
 
