@@ -145,7 +145,6 @@ class _Generation:
 
 
 def _seeds(picture: WorkingPicture, stiffness: _Stiffness, polarity: str | None) -> Hypotheses:
-    """Return the first short strips near the clamp."""
     beam, width = picture.beam, picture.beam.width_px
     aside = max(0.3 * width, min(_POINTED_PX * picture.factor, 0.5 * width))
     stated = float(beam.relative_width(_SEED_AT * width)) * width
@@ -242,7 +241,6 @@ def _best_of_each_cell(x: Array, y: Array, angle: Array, score: Array, width: fl
 def _best_strip(
     trail: list[_Generation], step: float, width: float, earlier: Callable[[], Array | None], least: int
 ) -> Strip | None:
-    """Return the strip that most probably shows the beam; None if no score is positive."""
     best = [float(generation.strips.score.max()) for generation in trail]
     last = least + int(np.argmax(best[least:]))
     if last == 0 or best[last] <= 0.0:
@@ -265,7 +263,6 @@ def _best_strip(
 
 
 def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None], width: float) -> int:
-    """Return the index of the strip that most probably shows the beam."""
     score = trail[-1].strips.score
     best = int(score.argmax())
     equals = np.flatnonzero(score >= _TIE * score[best])

@@ -103,11 +103,6 @@ def clicked_line(clamp_px: Array, ahead: Array, clicks_px: Array) -> CentreLine:
         Unit vector of the beam at its clamp.
     clicks_px : ndarray, shape (n, 2)
         The n clicked points, from the clamp outward.
-
-    Returns
-    -------
-    CentreLine
-        The line, which may pass beside the points by the error of a click.
     """
     # The direction of the beam is a random walk, and each click measures a position: a cubic smoothing spline
     # (G. Wahba, J. R. Stat. Soc. B 40 (1978) 364).
@@ -144,11 +139,6 @@ def line_between(first_px: Array, second_px: Array) -> CentreLine:
     ----------
     first_px, second_px : ndarray, shape (n, 2) and (m, 2)
         Points of the two centre lines from the clamp outward, px.
-
-    Returns
-    -------
-    CentreLine
-        The mean line, as long as the shorter line.
     """
     lines = [_line(points, np.zeros(len(points)), 0.0, 0.0) for points in (first_px, second_px)]
     length = min(line.length_px for line in lines)

@@ -51,19 +51,14 @@ def find_colour_seams(
     unrolled : UnrolledPicture
         The straightened picture.
     edge : ndarray, shape (2, n)
-        Initial positions of the left edge (row 0) and of the right edge (row 1) across the beam, in widths of the beam.
+        Expected positions of the left and the right edge across the beam, in widths of the beam.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
+        Standard deviation of the noise, grey levels (0 to 255).
     tolerances : iterable of float
-        For each repetition of the search, the standard deviation of an edge about its previous position, in widths of
-        the beam.
+        For each repetition of the search, the permitted standard deviation from the previous position, in widths of the
+        beam.
     shadowless : bool
-        Whether to use only weighted sums of the colours in which a shadow on the surroundings is invisible.
-
-    Returns
-    -------
-    Seams
-        Both edges after the last repetition.
+        Whether to use only weighted sums of the colours in which a shadow is invisible.
     """
     for number, tolerance in enumerate(tolerances):
         band = BODY_BAND if shadowless and number == 0 else INSIDE_BAND

@@ -114,7 +114,6 @@ def project(
 
 
 def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Array, Array]:
-    """Return the mean and the covariance of the selected colours in a window around each row of the picture."""
     share = mask.astype(np.float64)
     count = share.sum(axis=1)
     weighted = share[..., None] * colours
@@ -129,7 +128,6 @@ def _moments(colours: Array, mask: NDArray[np.bool_], window: int) -> tuple[Arra
 
 
 def _beam_probability(bins: ColourBins, inside: NDArray[np.bool_], outside: NDArray[np.bool_]) -> Array:
-    """Return, for each point, the probability that its colour is a colour of the beam."""
     counts = []
     for mask in (inside, outside):
         count = np.bincount(bins.index[mask], minlength=bins.total).reshape(bins.shape).astype(np.float64)

@@ -24,19 +24,7 @@ _AMID = 0.2  # widths on both sides of the middle of the beam, for the colour of
 def penumbra_px(left: StripEdges, right: StripEdges, sides: Sides, width_px: float) -> float:
     """Return by how much (px) an edge may be wrong because it is the blurred border of the beam's own shadow.
 
-    Parameters
-    ----------
-    left, right : StripEdges
-        The located edges.
-    sides : Sides
-        Both edges in the straightened picture of the beam.
-    width_px : float
-        Width of the beam according to the specimen file.
-
-    Returns
-    -------
-    float
-        The possible error; 0 if no edge looks like the border of a shadow.
+    `width_px` is the width of the beam according to the specimen file.
     """
     blur_px = left.blur_px, right.blur_px
     soft = int(blur_px[1] > blur_px[0])

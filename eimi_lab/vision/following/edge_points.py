@@ -113,7 +113,6 @@ def locate_edge(
 
 
 def _nearest(points: Array, seam: Array) -> NDArray[np.int64]:
-    """Return the index of the edge point nearest to each of the points."""
     return np.asarray(scipy.spatial.cKDTree(seam).query(points)[1])
 
 
@@ -176,7 +175,6 @@ class _Edge:
 
 
 def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
-    """Fit a straight line to the grey values of each profile; return the slopes and the RMS residuals."""
     away = places - places.mean()
     slope = (profiles @ away) / (away @ away)
     residuals = profiles - profiles.mean(axis=1, keepdims=True) - slope[:, None] * away

@@ -54,7 +54,6 @@ def trim_ends(
 
 
 def _without(edge: StripEdges, kept: NDArray[np.bool_]) -> StripEdges:
-    """Return an edge without the points for which `kept` is false."""
     if kept.all() or kept.sum() < _FEWEST:
         return edge
     points, sigma, near = estimate_scatter(edge.points[kept], edge.sigma[kept])

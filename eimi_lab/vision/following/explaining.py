@@ -24,19 +24,14 @@ _SUB_PIXEL_BITS = 4
 def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
     """Draw the intermediate results of following a beam, as far as they exist.
 
-    Parameters
-    ----------
-    followed : FollowedBeam
-        The result of following a beam.
-
     Returns
     -------
     dict of str to ndarray of uint8
         ``"strip"``: the searched picture with the outline of the found beam, green where its edges are clear, red
         elsewhere.
 
-        ``"unrolled"``: the straightened picture of the beam, and beside it the weighted sums of the colours that show
-        the left and the right edge. The edges are green where they are reliable, red elsewhere.
+        ``"unrolled"``: the straightened picture of the beam, and the weighted sums of the colours that show the left
+        and the right edge. The edges are green where they are reliable, red elsewhere.
     """
     pictures: dict[str, Picture] = {}
     if followed.working is not None and followed.strip is not None:
@@ -47,7 +42,6 @@ def draw_steps(followed: FollowedBeam) -> dict[str, Picture]:
 
 
 def _strip(working: WorkingPicture, strip: Strip) -> Picture:
-    """Draw the outline of the found beam on the searched picture."""
     picture = _enlarged(working.pixels)
     normal = np.column_stack([-np.sin(strip.angle), np.cos(strip.angle)])
     for side in (-0.5, 0.5):
@@ -60,7 +54,6 @@ def _strip(working: WorkingPicture, strip: Strip) -> Picture:
 
 
 def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
-    """Draw both edges on the straightened picture of the beam, and on the weighted sums of its colours."""
     rows = slice(0, _MOST_STATIONS)
     panels = [_enlarged(unrolled.colours[rows])]
     panels += [_enlarged(255.0 * side.share[rows, :, None]) for side in sides.projected]
@@ -75,7 +68,6 @@ def _unrolled(unrolled: UnrolledPicture, sides: Sides) -> Picture:
 
 
 def _enlarged(pixels: NDArray[np.floating]) -> Picture:
-    """Enlarge a picture, grey or in colour, and return it with three colour channels."""
     shown = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
     shown = np.repeat(shown, 3, axis=2) if shown.shape[2] == 1 else shown
     large = cv2.resize(shown, None, fx=_ENLARGED, fy=_ENLARGED, interpolation=cv2.INTER_NEAREST)

@@ -149,19 +149,16 @@ def follow(
 
 
 def _in_working(picture: WorkingPicture, places_px: Array | None) -> Array | None:
-    """Convert points from px of the image to px of the searched picture; return None for None."""
     return None if places_px is None else picture.from_picture(places_px)
 
 
 def _words(beam: StatedBeam) -> dict[str, str]:
-    """Return the texts for the words in braces, such as {narrow_px}, in the advice of the quality checks."""
     return {"narrow_px": f"{beam.width_px:.2g}", "clicks_off": ""}
 
 
 def _findings(
     beam: StatedBeam, strip: Strip, unrolled: UnrolledPicture, sides: Sides, size: tuple[int, int]
 ) -> dict[str, float]:
-    """Return the measured values of a followed beam, by the keys of the quality checks."""
     both = sides.sound.all(axis=0)
     if not both.any():
         return {"followed_length": 0.0}
@@ -190,7 +187,6 @@ def _findings(
 
 
 def _is_at_border(place: Array, width_px: float, size: tuple[int, int]) -> bool:
-    """Return whether a point is closer to the border of the image than three quarters of the beam's width."""
     near = _AT_BORDER * width_px
     return bool((place < near).any() or (place > np.array(size) - 1.0 - near).any())
 

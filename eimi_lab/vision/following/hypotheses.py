@@ -73,19 +73,10 @@ class Hypotheses:
 
 
 def read_across(picture: WorkingPicture, x: Array, y: Array, angle: Array, width: Array) -> NDArray[np.float32]:
-    """Return the colours at 15 points across each strip: three outside, nine inside, three outside.
+    """Return the colours at 15 points across each strip, shape (..., 15, channels).
 
-    Parameters
-    ----------
-    picture : WorkingPicture
-        The picture; beyond its border the colours of the border are used.
-    x, y, angle, width : ndarray, shape (...)
-        Middle, direction (rad) and width of each strip.
-
-    Returns
-    -------
-    ndarray, shape (..., 15, channels)
-        The colours at the 15 points.
+    Three points are outside, nine inside, three outside. `x`, `y`, `angle` (rad) and `width` give the middle, the
+    direction and the width of each strip.
     """
     across = width.ravel().astype(np.float32)[:, None] * _ACROSS
     turn = angle.ravel().astype(np.float32)[:, None]
@@ -116,11 +107,6 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
         Colours at 15 points across each strip: three outside, nine inside, three outside.
     variance : ndarray, shape (...)
         Variance of a colour, summed over the colour channels.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Sum of two numbers from 0 to 1, one for each edge.
     """
     channels = colours.shape[-1]
     steps = colours.reshape(-1, len(_ACROSS) * channels) @ _steps_of_channels(channels)
@@ -131,7 +117,6 @@ def side_support(colours: NDArray[np.float32], variance: Array) -> Array:
 
 @cache
 def _steps_of_channels(channels: int) -> NDArray[np.float32]:
-    """Return the matrix from the colours at 15 points across a strip to the changes of colour at both edges."""
     return np.kron(_STEPS.T, np.eye(channels, dtype=np.float32))
 
 
@@ -158,19 +143,10 @@ def updated_templates(
         Present colours at 15 points across each strip: three outside, nine inside, three outside.
     template : ndarray, shape (n, 9, channels)
         Remembered colours at the nine points inside.
-    tolerance : ndarray, shape (n,)
-        Variance of the colours near the clamp, summed over the channels.
-    variance : ndarray, shape (n,)
-        Variance of the colours in the step before, summed over the channels.
+    tolerance, variance : ndarray, shape (n,)
+        Variance of the colours near the clamp and in the step before, summed over the channels.
     least : float
         Smallest variance that is assumed for a colour.
-
-    Returns
-    -------
-    template : ndarray, shape (n, 9, channels)
-        The new remembered colours.
-    variance : ndarray, shape (n,)
-        The new variances, not above the old variances.
     """
     present = colours[:, _INSIDE]
     squares = ((present - template) ** 2).sum(axis=2)

@@ -16,22 +16,7 @@ _HALO = 0.12  # widths around a reflection that are replaced too
 
 
 def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
-    """Replace saturated lines and spots that are narrower than a third of the beam by the colours around them.
-
-    Parameters
-    ----------
-    picture : WorkingPicture
-        The picture.
-
-    Returns
-    -------
-    WorkingPicture
-        The picture with changed pixels.
-
-    References
-    ----------
-    Grey-scale opening: J. Serra, Image Analysis and Mathematical Morphology, Academic Press 1982.
-    """
+    """Replace saturated lines and spots that are narrower than a third of the beam by the colours around them."""
     pixels, width_px = picture.pixels, picture.beam.width_px
     clipped = (pixels >= CLIPPED).mean(axis=2) > 0.5
     if not clipped.any():
@@ -40,6 +25,7 @@ def remove_reflections(picture: WorkingPicture) -> WorkingPicture:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     # the opening removes bright spots that are narrower than the disc: a reflection would split the beam into two
     # bodies
+    # grey-scale opening: J. Serra, Image Analysis and Mathematical Morphology, Academic Press 1982
     opened = cv2.morphologyEx(pixels, cv2.MORPH_OPEN, disc).reshape(pixels.shape)
     narrow = clipped & ((pixels - opened).max(axis=2) > _BRIGHTER)
     grown = 2 * max(1, round(_HALO * width_px)) + 1

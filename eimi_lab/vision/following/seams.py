@@ -50,23 +50,18 @@ def fall_across(
 
 
 def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) -> Array:
-    """Find k edges of the beam, as the lines across which the colour changes most.
+    """Return the positions of k edges of the beam: the lines across which the colour changes most, shape (k, n).
 
     Parameters
     ----------
     fall : ndarray, shape (k, n, m)
-        Change of colour in the n rows and m columns of the straightened picture of the beam, for k edges.
+        Change of colour in the n rows and m columns of the straightened picture of the beam.
     across : ndarray, shape (m,)
         Coordinates of the columns across the beam, in widths of the beam.
     expected : ndarray, shape (k, n)
-        Expected position of each edge across the beam, in widths of the beam.
+        Expected positions of the edges, in widths of the beam.
     tolerance : float
-        Standard deviation about the expected position, in widths of the beam.
-
-    Returns
-    -------
-    ndarray, shape (k, n)
-        Positions of the edges across the beam, in widths of the beam.
+        Standard deviation about the expected positions, in widths of the beam.
     """
     value = fall - _PRIOR * ((across - expected[..., None]) / tolerance) ** 2
     count, stations, places = value.shape
@@ -88,7 +83,6 @@ def find_seams(fall: Array, across: Array, expected: Array, tolerance: float) ->
 
 
 def _refined_positions(value: Array, seam: NDArray[np.int64], across: Array) -> Array:
-    """Refine the positions of an edge between the columns of the picture, by parabolas through three points."""
     at = np.clip(seam, 1, len(across) - 2)
     rows = np.arange(len(seam))
     before, here, after = (value[rows, at + shift] for shift in (-1, 0, 1))

@@ -27,21 +27,21 @@ _ALONG_IT = 0.2  # of the edge: along a shadow at least this long, every place w
 
 
 def move_off_shadows(unrolled: UnrolledPicture, colour_seams: Seams, noise: float) -> Seams:
-    """Move edges that are borders of the beam's shadow to the edge of the beam.
+    """Move edges that are borders of the beam's shadow to the edge of the beam. A grey picture is not changed.
 
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The straightened picture of the beam. For a grey picture the edges are returned unchanged.
+        The straightened picture of the beam.
     colour_seams : Seams
         Both edges, located with all colours.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
+        Standard deviation of the noise, grey levels (0 to 255).
 
     Returns
     -------
     Seams
-        The edges after the move. Its attribute `shadow` is the width of the dark region inside an original edge.
+        The edges; `shadow` is the width of the dark region inside an original edge.
     """
     if unrolled.colours.shape[2] == 1:
         return colour_seams
@@ -104,7 +104,6 @@ def _has_hue_of_surroundings(unrolled: UnrolledPicture, edge: Array, border: Arr
 
 
 def _three_colours(unrolled: UnrolledPicture, edge: Array, border: Array, window: int) -> list[Array]:
-    """Return the mean colours of the beam, of the dark region beside the beam, and of the surroundings."""
     outward = np.sign(border - edge)[:, None]
     inward, beyond = (outward * (unrolled.across - place[:, None]) for place in (edge, border))
     gap = np.abs(border - edge)[:, None]
@@ -128,7 +127,6 @@ def is_dimmed(unrolled: UnrolledPicture, edge: Array, border: Array, window: int
 
 
 def _colours_of(unrolled: UnrolledPicture, mask: NDArray[np.bool_], window: int) -> Array:
-    """Return the mean colour of the masked points around each row of the picture."""
     in_image = (mask & unrolled.inside)[..., None]
     total = scipy.ndimage.uniform_filter1d((in_image * unrolled.colours).sum(axis=1, dtype=np.float64), window, axis=0)
     count = scipy.ndimage.uniform_filter1d(in_image.sum(axis=1, dtype=np.float64), window, axis=0)

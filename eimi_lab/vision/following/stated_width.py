@@ -29,14 +29,14 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
     seams : Seams
         Both edges.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
+        Standard deviation of the noise, grey levels (0 to 255).
     end : int
         Number of rows of the straightened picture before the end of the beam.
 
     Returns
     -------
     Seams
-        The edges. Its attribute `shadow` is the distance by which an edge was moved.
+        The edges; `shadow` is the distance by which an edge was moved.
     """
     stated = unrolled.stated
     if _log_width(seams.edge / stated, end) < _WIDER:
@@ -67,12 +67,10 @@ def prefer_stated_width(unrolled: UnrolledPicture, seams: Seams, noise: float, e
 
 
 def _log_width(edge: Array, end: int) -> float:
-    """Return the logarithm of the measured width of the beam, divided by its width in the specimen file."""
     return float(np.log(max(np.median((edge[1] - edge[0])[:end]), 1e-3)))
 
 
 def _with_edge(seams: Seams, other: Seams, row: int, inward: Array) -> Seams:
-    """Return `seams` with the edge `row` (0: left, 1: right) of `other`."""
     moved = np.zeros(seams.edge.shape, dtype=bool)
     moved[row] = True
     left, right = (merged(*sides) for sides in zip(moved, other.projected, seams.projected, strict=True))

@@ -80,17 +80,11 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
     unrolled : UnrolledPicture
         The straightened picture.
     noise : float
-        Standard deviation of the noise of a colour channel, in grey levels from 0 to 255.
+        Standard deviation of the noise, grey levels (0 to 255).
     length : float
         Length of the beam in the specimen file, in widths of the beam.
     clicked : float
-        Distance from the clamp, in widths of the beam, of the last point that a person clicked; the beam does not end
-        before this point.
-
-    Returns
-    -------
-    Sides
-        Both edges, the places at which each edge is reliable, and the end of the beam.
+        Distance from the clamp to the last point that a person clicked, in widths of the beam.
     """
     strip = np.outer(OUTWARD, 0.5 * unrolled.width)
     seams = move_off_shadows(unrolled, find_colour_seams(unrolled, strip, noise, TOLERANCES), noise)
@@ -114,21 +108,14 @@ def find_sides(unrolled: UnrolledPicture, noise: float, length: float, clicked: 
 
 
 def sure_share(sound: Mask) -> dict[str, float]:
-    """Return the part (0 to 1) of the beam's length on which the less clear edge is reliable, for the quality checks.
+    """Return the part (0 to 1) of the beam's length on which the less clear edge is reliable.
 
-    Parameters
-    ----------
-    sound : ndarray of bool, shape (2, n)
-        Whether each edge is reliable at each of n places along the beam.
-
-    Returns
-    -------
-    dict of str to float
-        The part, by the key ``"followed_patches"`` if each gap between reliable places is shorter than a tenth of the
-        length, else by ``"followed_sides"``.
+    The key of the result is its name in the quality checks. `sound` (2, n) tells where the left and the right edge are
+    reliable.
     """
     worse = sound[int(sound.mean(axis=1).argmin())]
     boundaries = np.flatnonzero(np.concatenate([[True], worse, [True]]))
+    # short gaps are patches; a long gap concerns one side
     spread = float(np.diff(boundaries).max() - 1) < _LONGEST_GAP * len(worse)
     return {"followed_patches" if spread else "followed_sides": float(worse.mean())}
 
@@ -146,7 +133,6 @@ def _end(along: Array, sound: Mask, length: float) -> int:
 def _sound(
     unrolled: UnrolledPicture, edge: Array, support: Array, projected: tuple[ColourProjection, ColourProjection]
 ) -> Mask:
-    """Return whether each edge is reliable in each row of the straightened picture."""
     seam = unrolled.middle + edge[..., None] * unrolled.aside
     turn = np.stack([_turn(side, round(_ARM * unrolled.stations_in_width)) for side in seam])
     separation = np.stack([side.separation for side in projected])
@@ -158,10 +144,7 @@ def _sound(
 
 
 def _turn(seam: Array, arm: int) -> Array:
-    """Return the angle (rad, not negative) by which an edge turns at each of its points.
-
-    The angle is measured between the lines to the points `arm` places before and `arm` places after.
-    """
+    """Return the angle (rad, not negative) by which an edge turns at each of its points."""
     padded = np.pad(seam, ((arm, arm), (0, 0)), mode="edge")
     before, after = seam - padded[: len(seam)], padded[2 * arm :] - seam
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -228,10 +211,6 @@ class _Chain:
 
     @classmethod
     def through(cls, seam: Array, width: Array, stations: NDArray[np.int64], lever: int, near: int) -> _Chain:
-        """Join the parts of an edge at the places `stations`.
-
-        The last `lever` points give the direction, the last `near` places the width.
-        """
         last = seam[stations[-lever:]]
         end, middle = last[-1], last.mean(axis=0)
         direction = np.linalg.svd(last - middle, full_matrices=False)[2][0]
@@ -248,6 +227,5 @@ class _Chain:
 
 
 def _median_width(widths: Array) -> float:
-    """Return the median of the known widths of the beam; NaN if fewer than three are known."""
     finite = widths[np.isfinite(widths)]
     return float(np.median(finite)) if len(finite) >= 3 else math.nan

@@ -26,17 +26,7 @@ _ALONE = 1e-9  # relative variance of the places in an average: below it, a poin
 def average_texture(edge: StripEdges, width_px: float) -> StripEdges:
     """Average the points of an edge along the edge, if they scatter by more than half a pixel about a smooth line.
 
-    Parameters
-    ----------
-    edge : StripEdges
-        The located edge, without outliers.
-    width_px : float
-        Width of the beam according to the specimen file.
-
-    Returns
-    -------
-    StripEdges
-        The edge with averaged points and their standard deviations, or the unchanged smooth edge.
+    `width_px`: width of the beam according to the specimen file.
     """
     if len(edge.points) < _FEWEST:
         return edge
@@ -83,7 +73,6 @@ class _SmoothLine:
 
     @classmethod
     def through(cls, points: Array) -> _SmoothLine:
-        """Fit the smooth line to the points of an edge."""
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         x, y = (Chebyshev.fit(along, places, _DEGREE) for places in points.T)
         tangent = np.column_stack([x.deriv()(along), y.deriv()(along)])
@@ -93,7 +82,6 @@ class _SmoothLine:
 
 
 def _averaged(along: Array, values: Array, length_px: float) -> Array:
-    """Return values along an edge, averaged by local straight lines with Gaussian weights."""
     away = along - along[:, None]
     weight = np.exp(-0.5 * (away / length_px) ** 2)
     total, first, second = (np.asarray((weight * away**power).sum(axis=1)) for power in (0, 1, 2))

@@ -107,16 +107,7 @@ class UnrolledPicture:
 
 
 def unroll(fine: WorkingPicture, coarse: WorkingPicture, strip: Strip) -> UnrolledPicture | None:
-    """Sample a picture along and across the beam, from the clamp to 0.6 widths beyond the end of the beam.
-
-    Parameters
-    ----------
-    fine : WorkingPicture
-        The picture to sample.
-    coarse : WorkingPicture
-        The picture in which the beam was found.
-    strip : Strip
-        The strip of the picture `coarse` that shows the beam.
+    """Sample the picture `fine` along and across the strip that the search found in the picture `coarse`.
 
     Returns
     -------

@@ -75,7 +75,7 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
     Returns
     -------
     WorkingPicture or None
-        None if the reach of the beam lies outside the image.
+        None if this region lies outside the image.
     """
     high, wide = image.shape[:2]
     reach = _REACH * beam.length_px + 2.0 * beam.width_px
@@ -94,7 +94,6 @@ def working_picture(image: NDArray[Any], beam: StatedBeam, width_px: float) -> W
 
 
 def _noise(pixels: NDArray[np.float32]) -> float:
-    """Estimate the standard deviation of the noise of a colour channel, in grey levels."""
     # J. Immerkær, Computer Vision and Image Understanding 64 (1996) 300, with the median instead of the mean, so that
     # edges do not count as noise
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
