@@ -1,7 +1,5 @@
 """A simulated bench: supply, coil, beam, camera and sensors behind the interfaces of the drivers.
 
-The parameters of the simulation are in the table [virtual] of the rig file.
-
 virtual_rig      the supply and the camera of the simulated bench
 served_bench     serve the simulated bench to other programs, by the protocols of real instruments
 client_rig       the rig file for a program that measures on the served bench

@@ -1,10 +1,4 @@
-"""The virtual specimen: its shape in equilibrium, computed as a three-dimensional solid in a magnetic field.
-
-The mesh of the virtual specimen is finer than the mesh of a fit, in all three directions. A solid takes long to solve.
-Its shape is therefore computed only in a few fields, up to the strongest field of the coil. In any other field, a
-planar beam is solved, and the difference between solid and planar beam is added; this difference is interpolated
-between the few fields. The error of the interpolation is below a micrometre (`eimi_fitting.beam.beside`).
-"""
+"""The virtual specimen: its shape in equilibrium, computed as a three-dimensional solid in a magnetic field."""
 
 from __future__ import annotations
 
@@ -54,10 +48,9 @@ class VirtualLoads:
     Parameters
     ----------
     gravity_angle_deg, field_angle_deg
-        Directions of gravity and of the coil's field in the beam frame, degrees. If `gravity_angle_deg` is None, the
-        beam has no weight.
+        Directions of gravity and of the coil's field in the beam frame, degrees; None for no gravity.
     background_T
-        Components x and y of the field that is present without a current, in the beam frame, T.
+        Components x and y of the field without a current, in the beam frame, T.
     coil
         The field of the coil as a function of position; None for a uniform field.
     """
@@ -68,7 +61,7 @@ class VirtualLoads:
     coil: CoilShape | None = None
 
     def at(self, field_mT: ArrayLike) -> Loads:
-        """Return the loads on the beam in K states; `field_mT` (K,) is the coil's field at the magnet in each, mT."""
+        """Return the loads on the beam for K values of the coil's field at the magnet, mT, shape (K,)."""
         loads = replace(Loads.along(field_mT, self.field_angle_deg, self.gravity_angle_deg), coil=self.coil)
         if not any(self.background_T):
             return loads
@@ -78,13 +71,10 @@ class VirtualLoads:
 class VirtualBeam:
     """A virtual specimen of a known material, which computes its shapes in equilibrium and its motion.
 
-    The beam is always modelled as a three-dimensional solid, even if the specimen file says that a fit models the beam
-    in plane stress or plane strain.
-
     Parameters
     ----------
     specimen
-        The specimen.
+        The specimen, which is always modelled as a three-dimensional solid.
     material
         The true material of the specimen.
     mesh
@@ -92,9 +82,9 @@ class VirtualBeam:
     loads
         The loads as a function of the field of the coil.
     strongest_mT
-        Largest magnitude of the coil's field that will occur, mT.
+        Largest magnitude of the coil's field, mT.
     view
-        The view of the camera, with which the outline in the picture is computed. None for an orthographic view.
+        The perspective of the camera; None for a picture without perspective.
     """
 
     def __init__(
@@ -111,16 +101,12 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether the outlines of the beam have to be computed for this field (mT), because the field changed.
-
-        A change by at most `SAME_FIELD_MT` since the last computation is ignored: it moves the tip by less than a
-        thousandth of a pixel.
-        """
+        """Return whether this field (mT) differs by more than 5e-5 mT from the field of the last computed outlines."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property
     def relaxes(self) -> bool:
-        """True if the material has a Prony series, and its stress therefore relaxes."""
+        """True if the stress of the material relaxes (if the material has a Prony series)."""
         return bool(self._material.prony_h)
 
     def moving(self) -> MovingBeam:
@@ -153,7 +139,7 @@ class VirtualBeam:
         -------
         beam : ndarray, shape (n, 2)
             The n points of the outline of the beam, mm, from the left end of the clamp line around the tip to the right
-            end. x runs along the straight beam from the clamp, and y across the beam.
+            end. x runs along the straight beam from the clamp, y across.
         magnet : ndarray, shape (4, 2), or None
             The corners of the magnet, mm; None without a magnet.
 
@@ -184,20 +170,13 @@ class VirtualBeam:
 
 
 def forget_solids() -> None:
-    """Free the memory of the solid models of all virtual beams.
-
-    A beam that is still in use computes its solid model again.
-    """
+    """Free the memory of the solid models of all virtual beams."""
     _solved.cache_clear()
     _model.cache_clear()
 
 
 @lru_cache(maxsize=2)
 def _model(specimen: Specimen, mesh: tuple[int, int, int]) -> SolidBeside:
-    """Return the solid model of a specimen. The same model is used for both signs of the field.
-
-    `mesh` contains the numbers of elements along and across the beam, and the refinement factor in depth.
-    """
     return SolidBeside(specimen, *mesh)
 
 
@@ -210,14 +189,12 @@ def _solved(
     virtual_loads: VirtualLoads,
     strongest_mT: float,
 ) -> tuple[SolidBeside, DepthEffect | None, float]:
-    """Return the solid model, its depth effect, and the field in mT up to which the depth effect was computed.
+    """Return the solid model, the difference between solid and planar shapes, and its largest field (mT).
 
-    The depth effect is the difference between the shapes of the solid and the planar (two-dimensional) model. It is
-    computed up to the field `strongest_mT` or, if the solid has no equilibrium there, up to half or a quarter of this
-    field. If the solid has no equilibrium up to a quarter either, the depth effect is None and the returned field is 0.
-    `law` and `values` are the name and the parameters of the hyperelastic law. `mesh` contains the numbers of elements
-    along and across the beam, and the refinement factor in depth.
+    The difference is None if no equilibrium of the solid was found.
     """
+    # A solid takes long to solve. It is solved in a few fields; between them, the difference between solid and planar
+    # beam is interpolated, with an error below a micrometre (`eimi_fitting.beam.beside`).
     beside, reach_mT = _model(specimen, mesh), strongest_mT
     for _ in range(3):
         loads = virtual_loads.at(np.linspace(0, reach_mT, _FIELDS))

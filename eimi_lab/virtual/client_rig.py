@@ -1,7 +1,4 @@
-"""Write the rig file for a program that measures on a served bench, and add parameters of a simulation to a rig.
-
-A served bench is a simulated bench whose instruments other programs can use, by the protocols of real instruments.
-"""
+"""Write the rig file for a program that measures on a simulated bench, and add parameters of a simulation to a rig."""
 
 from __future__ import annotations
 
@@ -31,9 +28,7 @@ The value is used for a rig without a table [virtual] and without a region of th
 def with_virtual_table(rig: Rig, specimen: SpecimenFile) -> Rig:
     """Return a rig that can be simulated: with a virtual camera and with the parameters of the table [virtual].
 
-    A rig that has the table [virtual] is returned unchanged. Any other rig gets the table of the virtual rig that is
-    shipped with eimi-lab. The frames then have the size of the camera's region in the given rig; without a region, they
-    have a size that shows the beam with a margin.
+    A rig without this table gets the table of the virtual rig that is shipped with eimi-lab.
     """
     if rig.virtual is not None:
         return rig
@@ -55,21 +50,20 @@ def _size_that_shows(rig: Rig, specimen: SpecimenFile) -> tuple[int, int]:
 def write_client_rig(
     rig: Rig, path: Path, supply_address: str, camera_address: str, sensor_addresses: Mapping[str, str], force: bool
 ) -> None:
-    """Write the rig file with which another program can measure on a simulated bench, and the calibration file.
+    """Write the rig file and the calibration file with which another program can measure on a simulated bench.
 
-    The bench is "served": other programs can use its instruments by the protocols of real instruments. The rig file
-    does not contain the true material. The camera in the rig file is a GigE camera with the settings of the served rig.
+    The files do not contain the true material. The camera is a GigE camera.
 
     Parameters
     ----------
     rig : Rig
-        The served rig.
+        The rig of the simulated bench.
     path : Path
         The rig file to write. The name of the calibration file is the same name with "_calibration" added.
     supply_address, camera_address : str
-        Addresses of the served supply and camera.
+        Addresses of supply and camera.
     sensor_addresses : mapping of str
-        Addresses of the served sensors, with the names of the sensors as keys.
+        Addresses of the sensors, by the names of the sensors.
     force : bool
         True if existing files are replaced.
 

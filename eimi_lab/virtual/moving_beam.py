@@ -1,15 +1,11 @@
-"""The motion of the virtual beam in time. The beam is modelled as an elastic rod with a rigid magnet (`rod`).
+"""The motion of the virtual beam in time. The beam is modelled as a viscoelastic rod with a rigid magnet.
 
-The true material, which a fit does not know, is quasi-linear viscoelastic, with a Prony series. An elastic rod has the
-forces f_e(z), a function of its coordinates z. The viscoelastic rod has the forces
+The forces on the n coordinates z of the rod are the elastic forces f_e(z) and a decaying force Q_i for each term of a
+Prony series with the modulus mu_i and the time constant tau_i; mu_inf is the long-term modulus:
 
     f = f_e(z) + sum_i Q_i,    dQ_i/dt = h_i df_e/dt - Q_i / tau_i,    h_i = mu_i / mu_inf.
 
-Each term i of the Prony series, with the modulus mu_i and the time constant tau_i, adds a force Q_i that decays with
-time. The long-term modulus mu_inf is the modulus of the elastic forces f_e.
-
-The equations of motion are integrated by the method TR-BDF2: a trapezoidal step, and then a step of the second backward
-difference formula (Hosea and Shampine 1996, Appl. Numer. Math. 20:21). A fit uses neither this rod nor this method.
+Integration in time: TR-BDF2 (Hosea and Shampine 1996, Appl. Numer. Math. 20:21).
 """
 
 from __future__ import annotations
@@ -52,19 +48,17 @@ class MovingBeam:
     Parameters
     ----------
     specimen : Specimen
-        The true specimen. The motion neglects that a beam can be bent without load, and that its width and depth can
-        change along the beam.
+        The true specimen. Changes of its width and depth along the beam, and a bend without load, are neglected.
     stiffness : Stiffness
-        The stiffness of the rod for a shear modulus of 1 Pa, as `stiffness_of_solid` returns it.
+        The stiffness of the rod for a shear modulus of 1 Pa.
     modulus_Pa : float
         Long-term shear modulus, Pa.
     series : Prony or None
-        The Prony series of the true material; None for a material whose losses `loss_factor` describes.
+        The Prony series of the true material; None for a material with `loss_factor`.
     loads : callable
-        Takes a field of the coil in mT. Returns the whole field (2,) in T and gravity (2,) in m/s², both in the beam
-        frame.
+        Takes a field of the coil in mT. Returns the whole field (2,) in T and gravity (2,) in m/s² in the beam frame.
     loss_factor : float
-        Loss factor of a material without a series, at the lowest frequency of the beam at rest. 0 for no losses.
+        Loss factor of a material without a series, at the lowest frequency of the beam at rest.
     """
 
     def __init__(
@@ -89,15 +83,11 @@ class MovingBeam:
 
     @property
     def coordinates(self) -> Array:
-        """The present n coordinates of the rod that models the beam, shape (n,).
-
-        They describe the curvature of the rod, the angle of the hinge between rod and magnet if there is a magnet, the
-        strain and the shear of the rod; see `Rod`.
-        """
+        """The present n coordinates of the rod: bending, hinge angle at the magnet (if any), strain, shear."""
         return self._state[: self.rod.size]
 
     def at_rest(self, field_mT: float, start: Array | None = None) -> Array:
-        """Return the n coordinates of the rod that models the beam, in equilibrium in a field (mT), shape (n,).
+        """Return the n coordinates of the rod in equilibrium in a field (mT), shape (n,).
 
         The search begins at the coordinates ``start``, by default at the straight rod. Raises ArithmeticError if no
         equilibrium is found.
@@ -146,8 +136,7 @@ class MovingBeam:
         field_mT : callable
             Returns the field of the coil (mT) at any time (s) since the last call.
         output_times_s : ndarray, shape (m,), optional
-            Increasing times (s). The beam moves to the last of these times, and the coordinates at all of them are
-            returned. By default the only time is ``time_s``.
+            Increasing times (s), up to the later time. Without these, the only time is ``time_s``.
 
         Returns
         -------
@@ -171,10 +160,7 @@ class MovingBeam:
         return np.array(places).reshape(-1, n)
 
     def _step(self, end_s: float, field_mT: Callable[[float], float]) -> None:
-        """Make one step in time, at most to the time ``end_s`` (s). The step ends earlier if its error would be large.
-
-        ``field_mT`` returns the field of the coil (mT) at a time (s).
-        """
+        """Make one step in time, at most to the time ``end_s`` (s), and shorter if its error would be large."""
         n, before, rate = self.rod.size, self._state, self._rate
         assert self.time_s is not None
         while True:
@@ -204,24 +190,10 @@ class MovingBeam:
         self._step_s = min(max(longer, _SHORTEST_S), _LONGEST_S)
 
     def _solved(self, constant: Array, part: float, loads: tuple[Array, Array]) -> Array | None:
-        """Solve the implicit equation of a step in time, y = constant + part · g(y), for y by Newton's method.
+        """Solve y = constant + part · dy/dt for y by Newton's method; None without convergence.
 
-        The function g(y) = dy/dt follows from the equations of motion. The vector y contains the n coordinates of the
-        rod, the n rates of the coordinates (1/s), and n internal stresses for each term of the Prony series.
-
-        Parameters
-        ----------
-        constant : ndarray
-            The term of the equation that does not depend on y, a vector in the order of y.
-        part : float
-            The factor of dy/dt, a fraction of the step, s.
-        loads : tuple of ndarray
-            The field (2,) in T and gravity (2,) in m/s² at the new time, both in the beam frame.
-
-        Returns
-        -------
-        ndarray or None
-            None if Newton's method does not converge.
+        The vector y contains the n coordinates of the rod, their n rates (1/s), and n forces for each term of the Prony
+        series. `part` is a fraction of the step, s. `loads` are the field (T) and gravity (m/s²).
         """
         n, terms = self.rod.size, len(self._rates)
         constant_z, constant_speed = constant[:n], constant[n : 2 * n]

@@ -1,12 +1,4 @@
-"""The outlines of the virtual beam in motion.
-
-The motion is computed with a simplified model of the beam, a rod (`MovingBeam`). The outline follows from the rod and
-from the outlines of the solid beam at rest, which are computed in a few fields and interpolated between them:
-
-1. Find the field in which the tip of the rod at rest has the same angle as the tip of the moving rod.
-2. Take the outline of the solid beam at rest in this field.
-3. Move each point of this outline by the difference between the moving rod and the rod at rest.
-"""
+"""The outlines of the virtual beam in motion, from a moving rod and from outlines of the solid beam at rest."""
 
 from __future__ import annotations
 
@@ -26,15 +18,13 @@ _GRID = 17  # number of fields in which the shape is solved
 
 
 class MovingOutlines:
-    """The outlines of the beam and of its magnet for any shape of the moving rod.
-
-    The rod is the simplified model of the beam with which the motion is computed (`MovingBeam`).
+    """The outlines of the beam and of its magnet, from the moving rod that is a simplified model of the beam.
 
     Parameters
     ----------
     outlines_mm : callable
-        Takes a field of the coil (mT), and returns the outlines (mm) of the beam and of the magnet at rest in this
-        field. The outline of the magnet is None without a magnet.
+        Takes a field of the coil (mT). Returns the outlines (mm) of the beam and of the magnet at rest, None without a
+        magnet.
     moving : MovingBeam
         The model of the beam's motion.
     specimen : Specimen
@@ -79,21 +69,22 @@ class MovingOutlines:
             self._across = np.append(self._across, half_magnet * np.array([-1.0, -1.0, 1.0, 1.0]))
 
     def at(self, coordinates: Array) -> Outlines:
-        """Return the outlines of the beam and of the magnet for a shape of the rod, the simplified model of the beam.
+        """Return the outlines of the beam and of the magnet for given coordinates of the rod.
 
         Parameters
         ----------
         coordinates : ndarray, shape (n,)
-            The n coordinates of the rod: amplitudes of bending, hinge angle and stretching (`MovingBeam.coordinates`).
+            Bending, hinge angle, stretching and shear of the rod (`MovingBeam.coordinates`).
 
         Returns
         -------
         beam : ndarray, shape (m, 2)
-            The m points of the beam's outline in the beam frame (x along the straight beam from the clamp, y across),
-            mm.
+            The m points of the beam's outline, mm (x along the straight beam from the clamp, y across).
         magnet : ndarray, shape (4, 2), or None
-            The corners of the magnet in the beam frame, mm; None without a magnet.
+            The corners of the magnet, mm; None without a magnet.
         """
+        # The solid in the field in which the tip of the rod at rest has the same angle as the tip of the moving rod,
+        # moved by the difference between the moving rod and the rod at rest in this field.
         field = float(np.interp(self._rod.end @ coordinates, self._turned, self._fields))
         shift = self._rod.places_mm(coordinates, self._along, self._across)
         shift = shift - self._rod.places_mm(self._at_rest(field), self._along, self._across)

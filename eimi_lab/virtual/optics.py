@@ -18,13 +18,12 @@ _LUMP_GRID = (9, 12)  # numbers of random values over height and width, from whi
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is needed to draw frames of a motionless scene (`expose`): the light at each pixel, and its noise.
+    """The light at each pixel of a motionless scene, and its noise.
 
     Parameters
     ----------
     mean, deviation
-        Mean of the light at each pixel, and standard deviation of its shot noise, in grey levels, shape
-        (height, width).
+        Mean of the light, and standard deviation of its shot noise, in grey levels, shape (height, width).
     bits
         Bit depth of the image.
     gamma
@@ -45,7 +44,7 @@ def make_scene(
     clamp_px: ArrayLike | None = None,
     oversampling: int = 1,
 ) -> Scene:
-    """Return the scene of a motionless beam: mean and noise of the light at each pixel, the same in all frames.
+    """Return the scene of a motionless beam: mean and noise of the light at each pixel.
 
     Parameters
     ----------
@@ -54,16 +53,13 @@ def make_scene(
     size
         Width and height of the frame, px.
     beam_px
-        Outline of the whole beam including the magnet: x and y of n points, px, shape (n, 2). The outline may end at
-        the clamp line or continue behind the clamp.
+        Outline of the whole beam including the magnet: x and y of n points, px, shape (n, 2).
     magnet_px
-        Outline of the magnet, inside the beam: m points, px, shape (m, 2); None without a magnet.
+        Outline of the magnet: m points, px, shape (m, 2); None without a magnet.
     clamp_px
-        Outline of the clamp, in front of the beam: c points, px, shape (c, 2); None if no clamp is visible.
+        Outline of the clamp, in front of the beam: c points, px, shape (c, 2); None without a clamp.
     oversampling
-        Number of smaller pixels into which each pixel is divided, in each direction, to compute the blur. Larger
-        numbers are more accurate and slower. With 1, the computation displaces an edge along the pixel rows by up to
-        0.01 px, for a blur of 1 px. With 2, the displacement is 0.002 px, in four times the time.
+        Number of smaller pixels into which each pixel is divided, in each direction, to compute the blur.
 
     Raises
     ------
@@ -92,6 +88,8 @@ def make_scene(
         transmitted = cv2.GaussianBlur(
             transmitted, (0, 0), optics.blur_px * oversampling, borderType=cv2.BORDER_REPLICATE
         )
+    # With 1, an edge is displaced along the pixel rows by up to 0.01 px, for a blur of 1 px; with 2, by 0.002 px, in
+    # four times the time.
     if oversampling > 1:
         transmitted = cv2.resize(transmitted, size, interpolation=cv2.INTER_AREA)
     # The blur is applied before the multiplication with the illumination, which varies slowly over the picture.
@@ -106,8 +104,6 @@ def make_scene(
 
 def expose(scene: Scene, rng: np.random.Generator) -> NDArray[Any]:
     """Return one frame of a scene, with shot noise, rounded to whole grey levels and clipped at full scale.
-
-    The shot noise is drawn from a normal distribution, which is a good approximation for hundreds of electrons.
 
     Parameters
     ----------
@@ -140,9 +136,7 @@ def render(
     magnet_px: ArrayLike | None = None,
     clamp_px: ArrayLike | None = None,
 ) -> NDArray[Any]:
-    """Return a single frame of a beam with noise, shape (height, width), uint8 for 8 bits and uint16 for more bits.
-
-    For many frames of one scene, call `make_scene` once and `expose` for each frame.
+    """Return one frame of a beam with noise, shape (height, width), uint8 for 8 bits and uint16 for more bits.
 
     Parameters
     ----------
@@ -153,15 +147,14 @@ def render(
     rng
         Random number generator of the noise.
     beam_px, magnet_px, clamp_px
-        Outlines of the beam including the magnet, of the magnet and of the clamp: n points each, px, shape (n, 2). None
-        if there is no magnet or no clamp.
+        Outlines of the beam including the magnet, of the magnet and of the clamp, px, shape (n, 2). None if there is no
+        magnet or no clamp.
     """
     return expose(make_scene(optics, size, beam_px, magnet_px, clamp_px), rng)
 
 
 @lru_cache(maxsize=4)
 def _illumination(optics: Optics, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return the brightness of the back-light at each pixel as a fraction of full scale, shape (height, width)."""
     width, height = size
     x = np.linspace(-1.0, 1.0, width)
     y = np.linspace(-1.0, 1.0, height)[:, None]

@@ -1,4 +1,4 @@
-"""Exact rasterisation: the fraction of each pixel's area that a polygon covers."""
+"""The fraction of each pixel's area that a polygon covers."""
 
 from __future__ import annotations
 
@@ -11,17 +11,11 @@ Array = NDArray[np.float64]
 def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
     """Return the fraction of each pixel's area that is inside a polygon.
 
-    The algorithm adds signed areas, like programs that rasterise fonts. Every side of the polygon is cut into pieces at
-    the borders of the pixels. For each piece, the area to its right in its row of pixels is added. This area has a plus
-    sign for upward pieces and a minus sign for downward pieces (or the other way round). To the right of the polygon
-    the areas cancel, so that only the inside of the polygon remains.
-
     Parameters
     ----------
     polygon_px
-        The n vertices x, y of the polygon in pixels, shape (n, 2), in either orientation. A side joins the last vertex
-        to the first. Pixel centres are at integer coordinates. The polygon may extend beyond the frame, but must not
-        intersect itself.
+        The n vertices x, y of a polygon that does not intersect itself, px, shape (n, 2). Pixel centres are at integer
+        coordinates.
     size
         Width and height of the frame, px.
 
@@ -55,11 +49,9 @@ def coverage(polygon_px: ArrayLike, size: tuple[int, int]) -> Array:
 
 
 def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
-    """Return the fraction of each pixel's area that a polygon covers, in a rectangle of pixels, shape (height, width).
+    """Return the fraction of each pixel's area that a polygon covers, in a rectangle of `size` (width, height) pixels.
 
-    `vertices` are the n vertices x, y of the polygon relative to the upper left corner of the rectangle, px, shape
-    (n, 2). Here the borders of the pixels are at integer coordinates, not the centres. `size` is the width and the
-    height of the rectangle, px.
+    `vertices`, shape (n, 2): px from the upper left corner, with the borders of the pixels at integer coordinates.
     """
     width, height = size
     start, side = vertices, np.roll(vertices, -1, axis=0) - vertices
@@ -90,17 +82,9 @@ def _accumulate(vertices: Array, size: tuple[int, int]) -> Array:
 
 
 def _crossings(start: Array, side: Array, axis: int, limit: int) -> tuple[NDArray[np.int64], Array]:
-    """Return the points at which the sides of a polygon cross the pixel borders 0 to ``limit`` along an axis.
+    """Return where the n sides of a polygon cross the pixel borders 0 to ``limit`` along an axis (0: x, 1: y).
 
-    ``start`` (n, 2) is the first vertex of each of the n sides, and ``side`` (n, 2) is the vector along each side, px.
-    ``axis`` is 0 for x and 1 for y.
-
-    Returns
-    -------
-    index : ndarray, shape (c,)
-        Number of the side of each of the c crossings.
-    place : ndarray, shape (c,)
-        Place of each crossing on its side, from 0 at the beginning of the side to 1 at its end.
+    The result is the number of the side of each crossing, and its place on the side, from 0 to 1.
     """
     first, length = start[:, axis], side[:, axis]
     low = np.clip(np.ceil(np.minimum(first, first + length)), 0, limit + 1).astype(np.int64)

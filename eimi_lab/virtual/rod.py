@@ -1,16 +1,6 @@
 """An elastic rod with a rigid magnet, as stiff as the virtual solid beam: its kinematics, inertia and forces.
 
-The rod follows Simo (1985, Comput. Methods Appl. Mech. Eng. 49:55), in the plane. The rotation, the stretch and the
-shear of the rod are sums of Legendre polynomials of the arc length. The bending stiffness is that of a long beam, three
-times the shear modulus times the second moment of area. Three properties let the rod bend like the virtual solid:
-
-- It begins at a short distance from the clamp, because the clamp keeps the section from changing its shape.
-- It has a hinge at the magnet, which models the soft material around the magnet.
-- It softens when it is strongly bent: its moment grows more slowly than its curvature.
-
-The length, the stiffness of the hinge and the softening are computed from static shapes of the solid under a small
-torque, a small force and a large torque. The lowest frequency of the rod agrees with that of a finely meshed solid
-within 0.06 %, at rest and in the strongest field.
+The rod follows Simo (1985, Comput. Methods Appl. Mech. Eng. 49:55), in the plane.
 """
 
 from __future__ import annotations
@@ -44,19 +34,19 @@ _SHEAR = 5 / 6  # Timoshenko's factor for a rectangular section
 class Stiffness:
     """The stiffness of the rod, divided by the shear modulus (Pa) of its material.
 
+    With the curvature k (1/m) and the tensile strain e, the bending moment is the bending stiffness times k (1 -
+    softening_m2 k² + by_strain e).
+
     Attributes
     ----------
     length_m : float
-        Length of the rod, which begins near the clamp and ends at the magnet or at the tip, m.
+        Length of the rod, m.
     hinge_m3 : float
-        Stiffness of the hinge between rod and magnet, N m per Pa; infinite without a magnet. The hinge models the soft
-        material around the magnet, in which the magnet can rotate relative to the rod.
+        Stiffness of the hinge between rod and magnet, N m per Pa; infinite without a magnet.
     softening_m2 : float
-        Relative decrease of the secant bending stiffness with the curvature, divided by the square of the curvature.
-        With the curvature k (1/m) and the tensile strain e, the bending moment is the bending stiffness times k (1 -
-        softening_m2 k² + by_strain e).
+        Coefficient of k² in the bending moment.
     by_strain : float
-        Relative change of the bending stiffness for the tensile strain e, divided by e.
+        Coefficient of e in the bending moment.
     """
 
     length_m: float
@@ -69,9 +59,6 @@ def stiffness_of_solid(
     specimen: Specimen, law: str, values: tuple[float, ...], mesh: tuple[int, int, int]
 ) -> Stiffness:
     """Return the stiffness of a rod whose tip rotates like the tip of the solid beam under loads at the tip.
-
-    The loads are a small force, a small torque and a large torque. The large torque shows how much the bent beam
-    softens. A beam without a magnet is loaded with the force only, and its rod gets no softening.
 
     Parameters
     ----------
@@ -98,6 +85,10 @@ def stiffness_of_solid(
         shapes = model.solve(LAWS[law], np.array([values]), loads, tolerance_mm=_SHAPE_MM)
         return float(np.radians(model.tip_angle_deg(shapes)[0, 0])) if shapes.converged[0] else None
 
+    # The rod begins at a short distance from the clamp, because the clamp keeps the section from changing its shape;
+    # the hinge models the soft material around the magnet. Length, hinge and softening follow from a small force, a
+    # small torque and a large torque. The lowest frequency then agrees with that of a fine mesh of the solid within
+    # 0.06 %.
     force_N = _SMALL * bending / (flexible * (whole - 0.5 * flexible))
     unloaded = Loads.along([0.0], gravity_angle_deg=None)
     turned = turn(replace(unloaded, tip_force_N=np.array([[0.0, force_N]])))
@@ -130,11 +121,8 @@ def stiffness_of_solid(
 
 
 def _by_strain(law: Law, parameters: Array) -> float:
-    """Return the relative change of a beam's bending stiffness for a small tensile strain, divided by the strain.
-
-    It has two causes: the tangent modulus changes, and the cross-section becomes thinner. The result is -3 for a
-    neo-Hookean material.
-    """
+    """Return the relative change of a beam's bending stiffness for a small tensile strain, divided by the strain."""
+    # the tangent modulus changes, and the cross-section becomes thinner; -3 for a neo-Hookean material
     pulled, pushed = engineering_stress(law, parameters, np.array([_STRAIN, -_STRAIN]))
     return float(2 * (pulled + pushed) / (pulled - pushed) / _STRAIN - 1)
 
@@ -155,13 +143,12 @@ def _section_m2(specimen: Specimen) -> float:
 class Rod:
     """Kinematics, inertia and forces of the elastic rod that models the moving beam.
 
-    The shape of the rod is described by n coordinates. The first ones are coefficients of Legendre polynomials whose
-    sum, along the rod, is the curvature times the length. With a magnet, the angle of the hinge follows. Then come
-    coefficients of Legendre polynomials whose sum is the strain, and last the shear. The mass of the rod is
-    concentrated at p points: the Gauss points and the rigid part at the tip.
+    The n coordinates of the rod are coefficients of Legendre polynomials for the curvature, the angle of the hinge at
+    the magnet (if any), coefficients for the strain, and the shear. The mass is concentrated at p points.
     """
 
     def __init__(self, specimen: Specimen, stiffness: Stiffness) -> None:
+        # The mass points are the Gauss points and the rigid part at the tip.
         x, weights = leggauss(_POINTS)
         place = 0.5 * (x + 1)
         magnet = specimen.magnet
@@ -215,17 +202,17 @@ class Rod:
         self._twice = np.tile(self._masses, 2)[:, None]
 
     def moved(self, z: Array, speed: Array) -> tuple[Array, Array]:
-        """Return the two arrays that give the accelerations of the p mass points of the rod.
+        """Return two arrays that give the accelerations of the p mass points of the rod.
 
-        The accelerations are derivatives @ dv/dt + remaining. The vector ``speed`` (n,), here v, contains the rates
-        (1/s) of the n coordinates ``z`` (n,).
+        The accelerations are derivatives @ dv/dt + remaining, with the rates v = ``speed`` (1/s) of the n coordinates
+        ``z``.
 
         Returns
         -------
         derivatives : ndarray, shape (2, p, n)
-            Derivatives of the positions (x and y, m) of the points with respect to the n coordinates.
+            Derivatives of the positions (x and y, m) with respect to the coordinates.
         remaining : ndarray, shape (2, p)
-            Accelerations (x and y, m/s²) that the points have if the rates of the coordinates are constant.
+            Accelerations (x and y, m/s²) at constant rates of the coordinates.
         """
         angle, stretch, sheared = self._angles @ z, 1 + self.stretch @ z, float(z[-1])
         turning, stretching, shearing = self._angles @ speed, self.stretch @ speed, float(speed[-1])
@@ -247,11 +234,7 @@ class Rod:
         return derivatives, remaining
 
     def strain(self, z: Array) -> Array:
-        """Return the elastic force on each of the n coordinates z, divided by its stiffness, shape (n,).
-
-        For small coordinates the result is z. At large coordinates it differs from z, because a strongly bent rod
-        softens, and because stretch and bending influence each other.
-        """
+        """Return the elastic force on each of the n coordinates z, divided by its stiffness, shape (n,)."""
         strain, stretch = z.copy(), slice(self._first_stretch, self._first_stretch + _STRETCHING)
         bent, stretched = self._bends @ z[:_BENDING], self._stretches @ z[stretch]
         strain[:_BENDING] += (bent * stretched) @ self._bends_stretched - bent**3 @ self._softens
@@ -259,7 +242,7 @@ class Rod:
         return strain
 
     def strain_rate(self, z: Array, speed: Array) -> Array:
-        """Return the time derivative of `strain`, the elastic forces divided by their stiffness, in 1/s, shape (n,).
+        """Return the derivative in time of the elastic forces that are divided by their stiffness, in 1/s, shape (n,).
 
         ``z`` (n,) contains the coordinates of the rod, and ``speed`` (n,) their rates in 1/s.
         """
@@ -274,23 +257,22 @@ class Rod:
     def mass(self, derivatives: Array) -> Array:
         """Return the mass matrix of the rod for its n coordinates, kg m², shape (n, n).
 
-        ``derivatives`` (2, p, n) are the derivatives of the positions of the p mass points, as `moved` returns them.
+        ``derivatives`` (2, p, n): derivatives of the positions of the p mass points.
         """
         flat = derivatives.reshape(-1, self.size)
         return np.asarray(flat.T @ (self._twice * flat) + self._rotary)
 
     def loads(self, z: Array, derivatives: Array, remaining: Array, field_T: Array, gravity: Array) -> Array:
-        """Return the generalised forces on the n coordinates of the rod in N m, shape (n,), without elastic forces.
+        """Return the generalised forces on the n coordinates of the rod without elastic forces, N m, shape (n,).
 
         Parameters
         ----------
         z : ndarray, shape (n,)
-            The n coordinates of the rod.
+            The coordinates of the rod.
         derivatives : ndarray, shape (2, p, n)
-            Derivatives of the positions (x and y, m) of the p mass points with respect to the n coordinates.
+            Derivatives of the positions (x and y, m) of the p mass points with respect to the coordinates.
         remaining : ndarray, shape (2, p)
-            Accelerations (x and y, m/s²) that the points have at constant rates of the coordinates (`moved`). The
-            returned forces contain the inertia forces due to these accelerations.
+            Accelerations (x and y, m/s²) of the mass points at constant rates of the coordinates.
         field_T : ndarray, shape (2,)
             The magnetic field, T.
         gravity : ndarray, shape (2,)
@@ -308,18 +290,18 @@ class Rod:
         return np.asarray(force)
 
     def places_mm(self, z: Array, along: Array, across_mm: Array) -> Array:
-        """Return the positions x (along the straight beam) and y (across) of m points of the moving beam, mm.
+        """Return the positions of m points of the moving beam, mm, shape (..., m, 2).
 
-        The shape is (..., m, 2).
+        x runs along the straight beam, y across.
 
         Parameters
         ----------
         z : ndarray, shape (..., n)
-            The n coordinates of the rod, for one moment or for several moments.
+            The n coordinates of the rod.
         along : ndarray, shape (m,)
-            Arc length of each point at rest, divided by the flexible length. Values above 1 are in the rigid part.
+            Arc length of each point at rest, divided by the flexible length; above 1 in the rigid part.
         across_mm : ndarray, shape (m,)
-            Distance of each point from the axis of the beam, mm, positive toward +y of the straight beam.
+            Distance of each point from the axis of the beam, mm.
         """
         angle, stretch, sheared = z @ self.angle.T, 1 + z @ self.stretch.T, z[..., -1:]
         c, s = np.cos(angle), np.sin(angle)
@@ -338,22 +320,12 @@ class Rod:
 
 
 def _integral(k: int, place: Array) -> Array:
-    """Return the integral of a shifted Legendre polynomial from 0 to each value of ``place``, with the same shape.
-
-    The polynomial has the degree ``k`` and is shifted from [-1, 1] to [0, 1].
-    """
+    """Return the integral of the Legendre polynomial of degree ``k``, shifted to [0, 1], from 0 to each ``place``."""
     return np.asarray(0.5 * legval(2 * place - 1, legint(np.eye(k + 1)[k], lbnd=-1)))
 
 
 def _body(specimen: Specimen) -> tuple[float, float, float]:
-    """Return the inertia of the rigid part of the beam, which lies beyond the rod and contains the magnet.
-
-    Returns
-    -------
-    mass, arm, rotary : float
-        The mass (kg), the distance of the centre of mass from the end of the rod (m), and the moment of inertia about
-        the centre of mass (kg m²).
-    """
+    """Return mass (kg), centre of mass (m from the rod) and moment of inertia (kg m²) of the rigid part at the tip."""
     magnet = specimen.magnet
     assert magnet is not None
     width = float(np.mean(specimen.width_mm))

@@ -1,7 +1,4 @@
-"""Let other programs use the simulated instruments of a rig, by the protocols of real instruments.
-
-All instruments belong to one simulated coil.
-"""
+"""Let other programs use the simulated instruments of a rig, by the protocols of real instruments."""
 
 from __future__ import annotations
 
@@ -42,11 +39,9 @@ _NETWORK = re.compile(r"(TCPIP|socket://|GPIB|USB)", re.IGNORECASE)
 
 
 def port_of(address: str) -> int | None:
-    """Return the TCP port at which other programs can reach an emulated instrument; None for a pseudo-terminal.
+    """Return the TCP port on which the emulated instrument is served: 0 for any free port, None for a pseudo-terminal.
 
-    `address` is the address of the real instrument in the rig file. If it is a port of this computer, the result is
-    this port. For an instrument on the network, on GPIB or on USB the result is 0, which means any free port. For an
-    instrument on a serial port the result is None or, on Windows, 0.
+    `address` is the address of the real instrument in the rig file.
     """
     place = split_address(address)[0]
     if local := _LOCAL_PORT.fullmatch(place):
@@ -55,11 +50,10 @@ def port_of(address: str) -> int | None:
 
 
 def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], NDArray[np.uint8]]:
-    """Return a function without arguments that returns an 8-bit picture of the virtual beam at the present current.
+    """Return a function without arguments that returns an 8-bit picture of the virtual beam, shape (height, width).
 
-    The picture has the shape (height, width). The current is that of the coil that another process emulates at the
-    address `coil_line`. If the rig file limits the camera to a region of its sensor, the picture begins at the upper
-    left corner of the sensor: the rows above and the columns to the left of the region are black.
+    The picture shows the beam at the present current of the coil that another process emulates at the address
+    `coil_line`.
     """
     # With a frame rate, the virtual camera would return stored frames in their order, not the present beam.
     at_once = rig.model_copy(update={"camera": rig.camera.model_copy(update={"frame_rate_Hz": None})})
@@ -71,6 +65,7 @@ def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], N
         if image.dtype != np.uint8:
             bits = rig.virtual.optics.bits if rig.virtual else 16
             image = (image >> bits - 8).astype(np.uint8)
+        # the frame of the camera is cut from a picture that begins at the corner of the sensor
         return np.pad(image, ((top, 0), (left, 0)))
 
     picture()  # the first picture takes longest, and is therefore taken before the camera is served
@@ -78,11 +73,7 @@ def pictures(rig: Rig, specimen: SpecimenFile, coil_line: str) -> Callable[[], N
 
 
 class ServedBench:
-    """A simulated bench with one emulated coil, whose instruments another program, the client, can use like real ones.
-
-    The bench also writes a rig file for the client. The camera runs in a separate process and shows the beam at the
-    present current of the supply. An instrument whose address in the rig is a port of this computer is served on this
-    port. Any other supply or sensor is served on a free port or a pseudo-terminal.
+    """A simulated bench whose instruments another program (the client) can use like real instruments.
 
     Parameters
     ----------
@@ -100,9 +91,9 @@ class ServedBench:
     fault : Fault or None
         A fault of the supply, of its coil or of its line; None for no fault.
     after_s : float
-        Time (s) from the moment at which the output is on with a current to the beginning of the fault.
+        Time (s) between the first current and the beginning of the fault.
     packet_loss : float
-        Share of the packets of the camera that are lost, 0 to 1.
+        Lost part of the packets of the camera, 0 to 1.
 
     Raises
     ------
@@ -135,7 +126,7 @@ class ServedBench:
         InstrumentError
             If an instrument has no emulator, a port is in use, or the library Aravis is not installed.
         InputError
-            If the rig file to write for the client exists and may not be replaced.
+            If the rig file for the client exists and may not be replaced.
         """
         rig, virtual = self._rig, self._rig.virtual
         assert virtual is not None

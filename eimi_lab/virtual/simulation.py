@@ -42,9 +42,9 @@ class Simulation:
     model
         The finite-element model of the beam.
     shapes
-        The computed shapes of the beam for one set of parameters, in K states. Each state has another field.
+        The shapes of the beam for one set of parameters in K fields.
     field_mT
-        Field in each state, mT, shape (K,).
+        The fields, mT, shape (K,).
     tips
         Lower and upper ends of the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees), shape (K, 3, 2);
         None if the parameters have no uncertainty.
@@ -57,29 +57,26 @@ class Simulation:
 
     @property
     def edges_mm(self) -> Array:
-        """The left and the right edge in each of the K states (load steps), mm, shape (K, 2, n, 2).
-
-        Each edge has n points from the clamp to the tip. x runs along the straight beam, and y across the beam.
-        """
+        """The left and the right edge in each load step, n points from clamp to tip, mm, shape (K, 2, n, 2)."""
         return points_on(outline(self.model, self.shapes)[0], 4)
 
     @property
     def tip_mm(self) -> Array:
-        """The coordinates x (along the straight beam) and y (across) of the tip in K load steps, mm, shape (K, 2)."""
+        """The coordinates x (along the straight beam) and y (across) of the tip in each load step, mm, shape (K, 2)."""
         return _tip(self.model, self.shapes)[0, :, :2]
 
     @property
     def tip_angle_deg(self) -> Array:
-        """The rotation of the tip from +x toward +y in each of the K states (load steps), degrees, shape (K,)."""
+        """The rotation of the tip from +x toward +y in each load step, degrees, shape (K,)."""
         return _tip(self.model, self.shapes)[0, :, 2]
 
     @property
     def max_stretch(self) -> Array:
-        """The largest principal stretch in the beam in each of the K states (load steps), shape (K,)."""
+        """The largest principal stretch in the beam in each load step, shape (K,)."""
         return np.asarray(self.shapes.max_stretch[0])
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the beam's shape in up to six states (load steps), coloured by the stretch."""
+        """Return a matplotlib figure of the beam's shape in up to six load steps, coloured by the stretch."""
         return _drawn(self)
 
     def write(self, folder: str | Path, force: bool = False) -> Path:
@@ -105,10 +102,7 @@ class Simulation:
 
 
 def keys_of(law: Law) -> list[str]:
-    """Return the names of a law's parameters for the option `--parameter`.
-
-    A modulus has its unit in its name: ``mu_Pa``.
-    """
+    """Return the names of a law's parameters for the option `--parameter`, such as ``mu_Pa``."""
     return [f"{n}_Pa" if u == "Pa" else n for n, u in zip(law.parameter_names, law.units, strict=True)]
 
 
@@ -127,7 +121,7 @@ def parse_parameters(model: str, texts: Sequence[str]) -> tuple[Law, Array]:
     law : Law
         The law.
     parameters : ndarray, shape (n,)
-        Values of the n parameters of the law, moduli in Pa.
+        Values of the parameters, moduli in Pa.
 
     Raises
     ------
@@ -184,20 +178,18 @@ def simulate(
     bulk_modulus_kPa
         Bulk modulus, kPa; None for an incompressible material.
     drawn
-        D random draws of the n parameters from their uncertainty, shape (D, n), from which the 95 % intervals of the
-        tip are computed; None for no intervals.
+        D random draws of the parameters from their uncertainty, shape (D, n), for the 95 % intervals of the tip; None
+        for no intervals.
 
     Returns
     -------
     Simulation
-        The shapes in all states (load steps).
+        The shapes in all fields.
 
     Raises
     ------
     InputError
-        If an input cannot be used: a bulk modulus that is not positive or is given in plane stress, an angle or a field
-        that is not finite, or a law without stiffness at rest. The error is also raised if the beam has no equilibrium
-        in one of the fields. The message names the first of these fields.
+        If an input cannot be used, or if the beam has no equilibrium in one of the fields.
     """
     if bulk_modulus_kPa is not None and specimen.specimen.section == "plane-stress":
         raise InputError(
@@ -242,10 +234,7 @@ def simulate(
 
 
 def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
-    """Return x (mm), y (mm) and the angle (degrees) of the tip, shape (P, K, 3).
-
-    ``shapes`` contains the shapes of ``model`` for P sets of parameters in K states (load steps).
-    """
+    """Return x (mm), y (mm), angle (degrees) of the tip for P sets of parameters in K load steps, shape (P, K, 3)."""
     point = np.zeros((1, 2 if isinstance(model, BeamModel) else 3))
     point[:, :2] = Strip(model.specimen).at_rest(np.array([[model.specimen.length_mm, 0.0]]))
     place = model.positions(shapes, point)[:, :, 0, :2]
@@ -253,20 +242,9 @@ def _tip(model: BeamModel | SolidBeside, shapes: Shapes) -> Array:
 
 
 def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
-    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) due to uncertain parameters.
+    """Return the 95 % intervals of the tip's x (mm), y (mm) and angle (degrees) in K load steps, shape (K, 3, 2).
 
-    The shape is (K, 3, 2): K states (load steps); x, y and angle; lower and upper end of the interval. Random draws of
-    the parameters with which the beam has no equilibrium are left out.
-
-    Parameters
-    ----------
-    planar
-        The planar beam model. It gives the width of the intervals, also if the beam is otherwise modelled as a solid.
-    shapes
-        The shapes of the planar model. The first set of parameters is nominal, and the other sets are the draws.
-    tip
-        x, y and angle of the tip for the nominal parameters, shape (K, 3), from the chosen (planar or solid) model. The
-        results for the draws are shifted such that the planar model agrees with these values at the nominal parameters.
+    `shapes` of the planar model: first the nominal parameters, then random draws. `tip` (K, 3): nominal x, y and angle.
     """
     values = _tip(planar, shapes)
     values += tip - values[0]
@@ -277,9 +255,9 @@ def _tip_intervals(planar: BeamModel, shapes: Shapes, tip: Array) -> Array:
 def write_simulation(folder: Path, simulation: Simulation) -> None:
     """Write the files of a simulation into a folder.
 
-    The files are ``tip.csv`` and the picture ``shapes.png``. For each state (load step), the files
-    ``state_00_left.csv`` and ``state_00_right.csv`` contain the edges, and ``state_00.vtu`` is for ParaView. An OSError
-    names the file that could not be written.
+    Tip: ``tip.csv``. Shapes: ``shapes.png``. For each load step, the edges (``state_00_left.csv``,
+    ``state_00_right.csv``) and the solution for ParaView (``state_00.vtu``). An OSError names the file that could not
+    be written.
     """
     model, shapes = simulation.model, simulation.shapes
     columns = np.column_stack([simulation.field_mT, _tip(model, shapes)[0], shapes.max_stretch[0]])
@@ -336,21 +314,10 @@ def _write_vtu(path: Path, simulation: Simulation, k: int) -> None:
 
 
 def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[Array, Array, Indices]:
-    """Return the nodes, the displacements and the elements of the whole solid, from the half that was computed.
+    """Return nodes, displacements and elements of the whole solid, from the computed half on one side of mid-depth.
 
-    The computed half of the solid and its mirror image are joined at mid-depth.
-
-    Parameters
-    ----------
-    nodes, displacement : ndarray, shape (N, 3)
-        Positions and displacements of the N nodes of the computed half, mm. The third coordinate is 0 at mid-depth.
-    elements : ndarray of int, shape (E, 27)
-        Numbers of the 27 nodes of each of the E elements.
-
-    Returns
-    -------
-    tuple of ndarray
-        Nodes, displacements and elements of both halves. The second half of the elements is the mirror image.
+    `nodes`, `displacement`: shape (N, 3), mm; the third coordinate is 0 at mid-depth. `elements`: node numbers, (E,
+    27).
     """
     mirror, away = np.array([1.0, 1.0, -1.0]), nodes[:, 2] > 0
     image = np.arange(len(nodes))
@@ -364,11 +331,7 @@ def _both_halves(nodes: Array, displacement: Array, elements: Indices) -> tuple[
 
 
 def _seen_from_the_side(model: BeamModel | SolidBeside) -> tuple[Indices, Indices]:
-    """Return the elements that a side view of the beam shows, and the nodes along the sides of these elements.
-
-    The result is two arrays: the numbers of the m elements, shape (m,), and of the 8 nodes (corners and middles of the
-    sides, in order) around each element, shape (m, 8). Of a solid, the elements at mid-depth are shown.
-    """
+    """Return the numbers of the m elements in a side view, (m,), and of the 8 nodes around each element, (m, 8)."""
     around = np.array([0, 3, 6, 7, 8, 5, 2, 1])
     elements = model.mesh.elements
     if isinstance(model, BeamModel):

@@ -1,12 +1,4 @@
-"""The virtual rig: an emulated supply and a simulated camera behind the interfaces of the drivers.
-
-The simulation computes, in this order: the current through the coil, with its time constant and noise; the field; the
-shape of the beam by finite elements; and a frame. The supply is the driver of real Korad supplies, connected to an
-emulated supply in the same process. A measurement therefore runs the same code as on a real bench, in simulated time.
-
-The camera can also be used alone, in real time, with the coil of a supply that another process emulates (`eimi
-emulate`).
-"""
+"""The virtual rig: an emulated supply and a simulated camera with the interfaces of the drivers, in simulated time."""
 
 from __future__ import annotations
 
@@ -44,19 +36,14 @@ _CLAMP_HALF_WIDTH_MM, _CLAMP_HEIGHT_MM = 12.0, 40.0
 
 
 class Coil(Protocol):
-    """The interface of an object that returns the current of the coil, from which the field at the beam follows."""
+    """The interface of an object that returns the current of the coil."""
 
     def coil_current_A(self) -> float:
         """Return the true current of the coil at this moment, A."""
 
 
 class VirtualCamera:
-    """A camera that sees the virtual beam.
-
-    With a frame rate, the camera takes frames at this rate, and stores them in a buffer until the program requests
-    them. The frames show the motion of the beam: how it swings after a change of the field. Without a frame rate, the
-    camera takes a frame when the program requests one, at most ten times per second of the clock. The frames then show
-    the beam in equilibrium. A beam with a Prony series is an exception: every frame shows how it swings and creeps.
+    """A camera that sees the virtual beam: in motion with a frame rate or a relaxing material, else in equilibrium.
 
     Parameters
     ----------
@@ -67,18 +54,17 @@ class VirtualCamera:
     clock
         The clock of the rig.
     frame
-        Conversion between the pixels of the picture and mm in the beam frame (x along the straight beam from the clamp,
-        y across).
+        Conversion between the pixels of the picture and mm in the beam frame (x along the straight beam, y across).
     mT_per_A
         Coil constant: the field at the magnet for each ampere, mT/A.
     virtual
         The table [virtual] of the rig file: the parameters of the simulation.
     background_mT
-        Field along the axis of the coil that is present without a current, mT.
+        Field along the axis of the coil without a current, mT.
     frame_rate_Hz
-        Frames per second of the clock; None to expose when a frame is requested.
+        Frames per second that are stored in a buffer; None to expose when a frame is requested.
     specimen
-        The true specimen, whose inertia determines how the beam swings. None for a beam that is always at rest.
+        The true specimen; None for a beam that is always at rest.
     strongest_mT
         Largest magnitude of the coil's field, mT.
     """
@@ -119,10 +105,7 @@ class VirtualCamera:
         self._leads_swapped = not self._leads_swapped
 
     def field_mT(self) -> float:
-        """Return the present true field at the magnet along the axis of the coil, mT.
-
-        The value is the sum of the coil's field and the background field.
-        """
+        """Return the present true field (coil and background) at the magnet along the axis of the coil, mT."""
         current_A = self._coil.coil_current_A()
         return self._background_mT + self._mT_per_A * (-current_A if self._leads_swapped else current_A)
 
@@ -132,17 +115,16 @@ class VirtualCamera:
         return Identity("virtual", f"eimi-lab simulated camera {width} x {height}", "in-process")
 
     def flush(self) -> None:
-        """Discard the frames that wait in the buffer. Only a camera with a frame rate has a buffer."""
+        """Discard the frames that wait in the buffer."""
         if self._runs_freely:
             missed = max(0, int((self._clock.now() - self._exposed_s) / self._period_s))
             self._number += missed
             self._exposed_s += missed * self._period_s
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return the next frame of the beam in the field of the coil.
+        """Return the next frame of the beam in the field of the coil. `timeout_s` has no effect.
 
-        `timeout_s` has no effect, because the simulation always delivers a frame. Raises InstrumentError if the beam
-        has no equilibrium. It is also raised if another process emulates the coil and does not answer with the current.
+        Raises InstrumentError if the beam has no equilibrium, or if the process that emulates the coil does not answer.
         """
         self._clock.sleep(max(0.0, self._exposed_s + self._period_s - self._clock.now()))
         self._exposed_s = self._exposed_s + self._period_s if self._runs_freely else self._clock.now()
@@ -166,8 +148,7 @@ class VirtualCamera:
     def _current_A(self, time_s: float) -> float:
         """Return the current of the coil at the time of an exposure, A.
 
-        The exposure may be earlier than this call, because the frame was stored in the buffer. For a coil in another
-        process, the result is the present current.
+        For a coil in another process, the result is the present current.
         """
         if isinstance(self._coil, CoilSupply):
             return self._coil.coil_current_at_A(time_s)
@@ -183,10 +164,7 @@ class VirtualCamera:
         return self._beam.outlines_mm(field_mT) if self._scene is None or self._beam.moves(field_mT) else None
 
     def _moved(self) -> Outlines | None:
-        """Compute the motion of the beam up to the time of the exposure, and return the outlines of the beam.
-
-        The result is None if the beam looks as in the last frame.
-        """
+        """Return the outlines of the moving beam at the exposure; None if the beam looks as in the last frame."""
         now_mT = self._field_at_mT(self._exposed_s)
         if self._motion is None:
             assert self._specimen is not None
@@ -222,18 +200,18 @@ def open_virtual_rig(rig: Rig, specimen: SpecimenFile) -> tuple[PowerSupply, Vir
     supply, camera, clock
         The drivers of supply and camera, and the simulated clock.
     truth
-        The true material and the settings of the simulation, by name. Only the comparison of a result with the truth
-        may use this dictionary.
+        The true material and the settings of the simulation, by name.
 
     Raises
     ------
     InputError
-        If the rig has no table [virtual] (the parameters of a simulation), or if this table does not define the
-        material of the specimen.
+        If the rig has no table [virtual] (the parameters of a simulation), or if the table does not define the material
+        of the specimen.
     """
     virtual = _virtual(rig)
     _material(virtual, specimen)
     supply, coil, clock = _virtual_coil(rig, virtual)
+    # only the comparison of a result with the truth may use the last value
     return supply, virtual_camera(rig, specimen, coil, clock), clock, truth_of(rig, specimen)
 
 
@@ -259,10 +237,7 @@ def open_virtual_coil(rig: Rig) -> tuple[PowerSupply, Callable[[], float], Clock
 
 
 def true_field_mT(rig: Rig, coil: Coil) -> Callable[[], float]:
-    """Return a function that returns the present true field at the magnet along the axis of the coil, mT.
-
-    The field is the sum of the coil's field and the background field.
-    """
+    """Return a function that returns the present true field (coil and background) along the axis of the coil, mT."""
     bench = _virtual(rig).materials.bench or TrueBench()
     mT_per_A = bench.coil_constant_mT_per_A or rig.calibration.mT_per_A
     offset_mT = _along_axis_mT(rig.calibration, bench)
@@ -286,10 +261,7 @@ def _virtual_coil(rig: Rig, virtual: Virtual) -> tuple[PowerSupply, CoilSupply, 
 
 
 def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
-    """Return the true background field, the field without a current, along the axis of the coil, mT.
-
-    `bench` contains the true properties that differ from the calibration.
-    """
+    """Return the true background field along the axis of the coil, mT."""
     true_calibration = calibration.model_copy(update=_hidden(bench))
     axis_rad = np.radians(BeamFrame(true_calibration).field_deg)
     return 1e3 * float(stated_background_T(true_calibration) @ [np.cos(axis_rad), np.sin(axis_rad)])
@@ -298,7 +270,7 @@ def _along_axis_mT(calibration: Calibration, bench: TrueBench) -> float:
 def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -> VirtualCamera:
     """Create a simulated camera that sees a specimen in a coil.
 
-    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if this table does
+    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if the table does
     not define the material of the specimen.
     """
     virtual, frame = _virtual(rig), BeamFrame(rig.calibration)
@@ -320,7 +292,7 @@ def virtual_camera(rig: Rig, specimen: SpecimenFile, coil: Coil, clock: Clock) -
 def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
     """Return the true material of the virtual beam, and the mesh, the seed and the optics of the simulation, by name.
 
-    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if this table does
+    Raises InputError if the rig file has no table [virtual] (the parameters of the simulation), or if the table does
     not define the material of the specimen.
     """
     virtual = _virtual(rig)
@@ -339,11 +311,8 @@ def truth_of(rig: Rig, specimen: SpecimenFile) -> dict[str, Any]:
 def _true_values(
     specimen: SpecimenFile, calibration: Calibration, bench: TrueBench
 ) -> tuple[mechanics.Specimen, Calibration]:
-    """Return the true specimen and the true calibration of a virtual bench, with which the frames are simulated.
-
-    A fit reads other values, those of the files `specimen` and `calibration`. `bench` holds the differences: for
-    example a bend of the beam from its casting, or an error of the direction of the magnet.
-    """
+    """Return the true specimen and calibration of the frames: the values of the files plus hidden errors."""
+    # a fit reads the files; `bench` holds what it does not know, such as an error of the direction of the magnet
     beam = specimen.mechanics()
     if beam.magnet:
         turned_deg = beam.magnet.magnetisation_angle_deg + bench.magnetisation_angle_deg

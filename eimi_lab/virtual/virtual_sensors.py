@@ -28,11 +28,6 @@ def open_virtual_sensor(rule: RigSensor, field_mT: Callable[[], float], clock: C
         Returns the true field at the magnet along the axis of the coil, mT.
     clock
         The simulated clock.
-
-    Returns
-    -------
-    Sensor
-        The open driver.
     """
     instrument = emulated_instrument(rule, field_mT, clock)
     return SENSORS[rule.driver](InProcessTransport(instrument, clock, f"emulated {rule.driver}"), clock)
@@ -44,7 +39,7 @@ def emulated_instrument(rule: RigSensor, field_mT: Callable[[], float], clock: C
     Parameters
     ----------
     rule
-        The entry of the sensor in the rig file, which gives the driver and the measured quantity.
+        The entry of the sensor in the rig file.
     field_mT
         Returns the true field at the magnet along the axis of the coil, mT.
     clock
