@@ -71,7 +71,7 @@ class Strip:
     variance : float
         Variance of the colours inside the strip, summed over the colour channels.
     rival : float
-        Sum of the gains of the best strip along another body, divided by the sum of the gains of this strip.
+        Sum of the gains of the best strip along another body (such as a cable), divided by the sum of the gains of this strip.
     """
 
     place: Array
@@ -287,7 +287,7 @@ def _index_of_best(trail: list[_Generation], earlier: Callable[[], Array | None]
 
 
 def _rival(trail: list[_Generation], place: Array, angle: Array, gain: Array, width: float) -> float:
-    """Return the score of the best strip along another body, divided by the score of the chosen strip."""
+    """Return the score of the best strip along another body (such as a cable), divided by that of the chosen strip."""
     half = max(1, len(trail) // 2)
     across = np.array([-np.sin(angle[half]), np.cos(angle[half])])
     strips, score = trail[half].strips, float(gain[: half + 1].sum())

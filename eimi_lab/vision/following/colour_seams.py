@@ -21,7 +21,7 @@ OUTWARD = (-1.0, 1.0)
 class Seams:
     """The left and the right edge in each of the n rows of the straightened picture of the beam.
 
-    Lengths are in widths of the beam.
+    Each row of this picture crosses the beam. Lengths are in widths of the beam.
 
     Attributes
     ----------

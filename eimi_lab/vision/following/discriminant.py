@@ -30,7 +30,7 @@ _LIMITS = (-0.5, 1.5)  # of the projection, to limit the effect of a reflection
 class ColourProjection:
     """A weighted sum of the colour channels that is about 1 inside the beam and 0 outside, for one edge of the beam.
 
-    The straightened picture of the beam has n rows and m columns.
+    The straightened picture of the beam has n rows, which cross the beam, and m columns.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def project(
     Parameters
     ----------
     unrolled : UnrolledPicture
-        The straightened picture of the beam, with n rows.
+        The straightened picture of the beam, with n rows across the beam.
     edge : ndarray, shape (n,)
         Position of the edge across the beam, in widths of the beam.
     outward : float

@@ -154,9 +154,9 @@ class _Edge:
         return 1.0 + self.projected.level[station][:, None] - share, inside
 
     def _slopes(self, curve: SmoothCurve, place: Array, station: NDArray[np.int64], u: Array, blur: float) -> Array:
-        """Return the part of the weighted colours that uneven light causes, at distances `u` (px) across the edge.
+        """Return the change of the weighted colours across an edge that uneven light causes.
 
-        The result has one row for each line.
+        The result has one row for each line across the edge, at the distances `u` (px) from the edge.
         """
         clear = _CLEAR_IN_BLURS * blur
         added = np.zeros((len(place), len(u)))
@@ -182,7 +182,7 @@ def _slopes_of_lines(profiles: Array, places: Array) -> tuple[Array, Array]:
 
 
 def _common(slope: Array, residual_rms: Array) -> Array:
-    """Return, for each profile, the median slope of the neighbouring profiles; 0 where few profiles are straight."""
+    # the median slope of the neighbouring profiles; 0 where a straight line fits few of these profiles
     even = (np.abs(slope) < _STEEPEST_PER_PX) & (residual_rms < max(_EVEN, 2.0 * float(np.median(residual_rms))))
     padded = np.pad(np.where(even, slope, np.nan), _NEIGHBOURS, constant_values=np.nan)
     neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
