@@ -71,7 +71,7 @@ class Strip:
     variance : float
         Variance of the colours inside the strip, summed over the colour channels.
     rival : float
-        Sum of the gains of the best strip along another body (such as a cable), divided by the sum of the gains of this strip.
+        Sum of the gains of the best strip along another body (such as a cable), divided by that of this strip.
     """
 
     place: Array

@@ -67,7 +67,7 @@ class UnrolledPicture:
     width : ndarray, shape (n,)
         Approximate width of the beam.
     stated : ndarray, shape (n,)
-        Expected width of the beam in the picture: stated width plus the visible side faces.
+        Expected width of the beam in the picture: width in the specimen file plus visible side faces.
     inside : ndarray of bool, shape (n, m)
         Whether a point lies in the image and shows no body that crosses the beam.
     covered : ndarray of bool, shape (n, m), optional
