@@ -48,7 +48,8 @@ class VirtualLoads:
     Parameters
     ----------
     gravity_angle_deg, field_angle_deg
-        Directions of gravity and of the coil's field in the beam frame, degrees; None for no gravity.
+        Directions of gravity and of the coil's field in the beam frame, degrees. `gravity_angle_deg` is
+        None without gravity.
     background_T
         Components x and y of the field without a current, in the beam frame, T.
     coil
@@ -101,7 +102,7 @@ class VirtualBeam:
         self._field_mT: float | None = None
 
     def moves(self, field_mT: float) -> bool:
-        """Return whether this field (mT) differs by more than 5e-5 mT from the field of the last computed outlines."""
+        """Return whether the field (mT) differs so much from that of the last outlines that the beam moves visibly."""
         return self._field_mT is None or abs(field_mT - self._field_mT) > SAME_FIELD_MT
 
     @property

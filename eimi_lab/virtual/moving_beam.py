@@ -136,7 +136,7 @@ class MovingBeam:
         field_mT : callable
             Returns the field of the coil (mT) at any time (s) since the last call.
         output_times_s : ndarray, shape (m,), optional
-            Increasing times (s), up to the later time. Without these, the only time is ``time_s``.
+            Increasing times (s), of which the last is the later time. By default the only time is ``time_s``.
 
         Returns
         -------

@@ -301,7 +301,7 @@ class Rod:
         along : ndarray, shape (m,)
             Arc length of each point at rest, divided by the flexible length; above 1 in the rigid part.
         across_mm : ndarray, shape (m,)
-            Distance of each point from the axis of the beam, mm.
+            Distance of each point from the axis of the beam, mm, positive toward +y.
         """
         angle, stretch, sheared = z @ self.angle.T, 1 + z @ self.stretch.T, z[..., -1:]
         c, s = np.cos(angle), np.sin(angle)
