@@ -102,7 +102,7 @@ def list_frames(source: Path, states: Path, every: int | None = None) -> Listing
     Raises
     ------
     InputError
-        If the table is wrong, or if a row does not name exactly one picture that no other row names.
+        If the table is wrong, if a row names no picture or several, or if two rows name the same picture.
     """
     if every is not None and (every < 1 or not is_video(source)):
         if is_video(source):

@@ -29,7 +29,10 @@ def head_of(descriptor: int) -> bytes:
 
 
 def fate_of(path: Path, descriptor: int) -> str:
-    """Return what another program did to an open file, such as "was moved"; empty if the path still leads to it."""
+    """Return what another program did to an open file, such as "was moved".
+
+    The text is empty if ``path`` still leads to the file.
+    """
     try:
         open_file = os.fstat(descriptor)
     except OSError:  # the file is closed already

@@ -13,7 +13,7 @@ from eimi_lab.dataset.logged_sensor import LoggedSensor, SensorLog
 
 @dataclass(frozen=True)
 class FieldLine:
-    """The straight line B = slope · I + offset, for the field B along the coil axis at the magnet and the current I.
+    """The straight line B = slope · I + offset of the field B at the magnet (along the coil axis) and the current I.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def field_line(
 ) -> FieldLine | None:
     """Fit the straight line B = slope · I + offset to gaussmeter readings by least squares.
 
-    I is the current, and B is the field at the magnet: the reading times ``sensor.at_magnet``. The variances of three
-    errors are added (JCGM 100:2008, 5.1.2): the scatter (at least the uncertainty u of one reading), the zero error (u,
-    offset only) and the scale error (``sensor.uncertainty_share``, slope only).
+    I is the coil current, and B the field at the magnet: the reading times ``sensor.at_magnet``. The variances of three
+    errors are added (JCGM 100:2008, 5.1.2): scatter (at least the uncertainty u of one reading at the magnet), zero
+    error (u, for the offset) and scale error (``sensor.uncertainty_share``, for the slope).
 
     Parameters
     ----------

@@ -134,9 +134,9 @@ def measured_heating(
 def _heats(
     time_s: NDArray[np.float64], squares: NDArray[np.float64], constants_s: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the heat s of the coil at n readings for m time constants τ (s), shape (m, n): τ ds/dt = q − s.
+    """Return the heat h of the coil at n readings for m time constants τ, shape (m, n): τ dh/dt = q − h.
 
-    ``squares`` (n,) contains q: the squared current since the previous reading over the squared continuous current.
+    h is 0 at the first reading. q (`squares`, shape (n,)) is the squared current over the squared continuous current.
     """
     decay = np.exp(-np.diff(time_s) / constants_s[:, None])
     shares = np.zeros((len(constants_s), len(time_s)))

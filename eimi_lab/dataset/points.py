@@ -69,7 +69,7 @@ class TrackedPoints:
 
 @dataclass(frozen=True)
 class Load:
-    """The loads and measured conditions of one load step. Equality ignores the temperature.
+    """The loads and measured conditions of one load step. A comparison with ``==`` ignores the temperature.
 
     Parameters
     ----------

@@ -198,7 +198,7 @@ class Dataset:
         return self._recording(TRANSIENTS, state_index)
 
     def recorded_ring_downs(self) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-        """Return, for each free oscillation, the step of the current to zero before it and the frames; empty if none.
+        """Return the change of the current and the frames of each recorded free oscillation; empty if there are none.
 
         Raises InputError if the file is damaged.
         """
@@ -222,7 +222,7 @@ class Dataset:
             return read_set_points(self._entry)
 
     def conditioning(self) -> Recording | None:
-        """Return the frames of the first and last load cycle before the run; None if none are stored.
+        """Return the frames of the first and the last load cycle that preceded the load steps; None if none are stored.
 
         Raises InputError if the file is damaged.
         """
@@ -303,7 +303,10 @@ class Dataset:
         return edges if len(edges) == len(self.states) else None
 
     def projection(self) -> Projection | None:
-        """Return the conversion of colours to grey values for the stored edges; None without edges or colours."""
+        """Return the conversion of colours to grey values that was used to find the stored edges.
+
+        The result is None if no edges are stored, or if the frames have no colours.
+        """
         with self._naming_damage():
             return read_projection(self._entry)
 
@@ -375,7 +378,7 @@ class Dataset:
         return labelled_edges(self.states, self._edges_or_refusal(), attributes)
 
     def truth(self) -> dict[str, Any] | None:
-        """Return the true materials of a virtual rig, which only judge fits; None for a real rig or an import."""
+        """Return the true materials of a virtual rig; None for a real rig or an import. A fit must not read them."""
         with self._naming_damage():
             return json.loads(get_text(self._entry["truth"], "data")) if "truth" in self._entry else None
 

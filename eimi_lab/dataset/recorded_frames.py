@@ -42,13 +42,16 @@ class RecordedFrames:
         return len(self._rows)
 
     def images(self) -> Iterator[NDArray[Any]]:
-        """Yield the frames one at a time, shape (H, W) or (H, W, 3: blue, green, red). OSError for a damaged frame."""
+        """Yield the frames one at a time, shape (H, W) or (H, W, 3: blue, green, red).
+
+        Raises OSError for a damaged frame.
+        """
         for row in self._rows.tolist():
             yield to_stored(self._frames[row])
 
 
 def recorded_ring_downs(entry: h5py.Group, states: int) -> tuple[tuple[RingDownStep, RecordedFrames], ...]:
-    """Return, for each free oscillation, the step of the current to zero before it and the frames; empty if none.
+    """Return the change of the current and the frames of each recorded free oscillation; empty if there are none.
 
     Parameters
     ----------

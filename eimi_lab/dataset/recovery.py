@@ -1,6 +1,6 @@
 """Recover a crashed or damaged dataset: copy everything readable to a new file.
 
-A second process reads the file with limits of processor time and memory, because HDF5 may never return.
+A second process reads the file with limits of processor time and memory, because HDF5 may run forever.
 """
 
 from __future__ import annotations

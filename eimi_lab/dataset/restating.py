@@ -1,4 +1,4 @@
-"""Correct the specimen or the calibration of a finished dataset. The replaced texts are kept, the edges removed."""
+"""Correct the specimen or the calibration of a finished dataset, keep the replaced texts, and remove the edges."""
 
 from __future__ import annotations
 

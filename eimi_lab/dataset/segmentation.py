@@ -135,9 +135,9 @@ def _find_all(
 
 
 def clamp_judged_when_straight(edge_sets: Sequence[EdgeSet]) -> tuple[EdgeSet, ...]:
-    """Return the edges of all load steps, with the flags for a wrong clamp position corrected.
+    """Return the edges of all load steps, with corrected flags for a wrong position of the clamp.
 
-    Strong curvature at the clamp makes the check inaccurate. The load step with the straightest beam therefore decides.
+    The check is inaccurate if the beam is strongly curved. The load step with the straightest beam therefore decides.
     """
     turns = np.abs([tip_angle_deg(edge_set) for edge_set in edge_sets])
     if not np.isfinite(turns).any():
@@ -180,7 +180,7 @@ def _return(edge_set: EdgeSet | None) -> EdgeSet | None:
 def _found_by_workers(
     dataset: Dataset, projection: Projection | None, executor: Workers | None
 ) -> Generator[EdgeSet | None]:
-    """Yield the edges of each load step, found by worker processes; None where an earlier load step has to decide."""
+    """Yield the edges of each load step from worker processes; None for a load step that is still to be searched."""
     states = range(len(dataset.states))
     if executor is None:
         yield from (None for _ in states)

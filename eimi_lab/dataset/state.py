@@ -26,7 +26,7 @@ class State:
     tip_force_angle_deg
         Direction of the tip force, degrees from +x (along the straight beam) toward +y (across); None for gravity's.
     field_sigma_mT
-        Standard uncertainty of the measured field, mT; None if the field was computed from the current.
+        Standard uncertainty of the measured field, mT; None if the field was not measured in this load step.
     temperature_degC
         Measured temperature of the specimen, °C; None if not measured.
     """

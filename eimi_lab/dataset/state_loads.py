@@ -61,8 +61,8 @@ def load_of(row: Row, calibration: Calibration | None) -> Load:
     Raises
     ------
     InputError
-        If a value is wrong, if the row does not give either current or field, or if a current needs an unknown coil
-        constant.
+        If a value is wrong, if the row gives both or neither of current and field, or if the coil constant is needed
+        and unknown.
     """
     has_current, has_field = "current_A" in row.cells, "field_mT" in row.cells
     only_weights = "tip_force_N" in row.cells and calibration is not None and not calibration.mT_per_A
@@ -109,7 +109,7 @@ def numbered_loads(rows: list[Row]) -> dict[int, Load]:
 
 
 def check_directions(states: Path, loads: Sequence[Load], gravity_angle_deg: float | None) -> None:
-    """Raise InputError if a tip force has no angle and the direction of gravity, its default, is unknown (None)."""
+    """Raise InputError if a tip force has no angle, and the direction of gravity is unknown (None)."""
     for load in loads:
         if gravity_angle_deg is None and load.tip_force_N and load.tip_force_angle_deg is None:
             raise InputError(

@@ -145,7 +145,10 @@ def read_edges(entry: h5py.Group) -> tuple[EdgeSet, ...]:
 
 
 def read_projection(entry: h5py.Group) -> Projection | None:
-    """Return the conversion of colours to grey values for the stored edges; None for grey frames or without edges."""
+    """Return the conversion of colours to grey values that was used to find the stored edges.
+
+    The result is None if no edges are stored, or if the frames have no colours.
+    """
     if GROUP not in entry or "projection" not in entry[GROUP]:
         return None
     return Projection.from_json(get_text(entry[GROUP]["projection"], "data"))

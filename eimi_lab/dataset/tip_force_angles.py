@@ -25,7 +25,7 @@ def store_tip_force_angles(path: Path, angles_deg: Sequence[float | None]) -> No
 
 
 def write_tip_force_angles(states: h5py.Group, angles_deg: Sequence[float | None]) -> None:
-    """Write the direction of the tip force of each load step; nothing if every value is None (that of gravity).
+    """Write the direction of the tip force of each load step, unless every value is None (the direction of gravity).
 
     Angles are in degrees, from +x (along the straight beam) toward +y (across it).
     """

@@ -142,7 +142,10 @@ class DatasetWriter:
         self.begin_session()
 
     def begin_session(self) -> None:
-        """Store the present time as the start or the continuation of the run. StorageFailed if this fails."""
+        """Store the present time as the start or the continuation of the run.
+
+        Raises StorageFailed if the file cannot be written.
+        """
         session = {"start": now().encode(), "first_state": self._stored, "end": b""}
         with self._writing():
             for name, column in self._sessions.items():
@@ -397,7 +400,10 @@ class DatasetWriter:
             )
 
     def _keep_the_name(self) -> None:
-        """Continue in a copy if another program deleted, moved or replaced the file. StorageFailed if this fails."""
+        """Continue in a copy if another program deleted, moved or replaced the file.
+
+        Raises StorageFailed if the file cannot be copied or written.
+        """
         if not (fate := fate_of(self.path, self._descriptor)):
             return
         source = os.dup(self._descriptor)  # a deleted file can be read as long as it is open

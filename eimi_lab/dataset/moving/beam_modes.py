@@ -1,7 +1,8 @@
 """Describe a measured motion of the beam by the amplitudes of vibration modes of a uniform cantilever.
 
-Mode: cosh βξ - cos βξ - σ (sinh βξ - sin βξ), σ = (cosh β + cos β) / (sinh β + sin β), cos β cosh β = -1; ξ is the
-distance from the clamp over the length (R. D. Blevins, Formulas for natural frequency and mode shape, 1979, table 8-1).
+A mode is cosh βξ - cos βξ - σ (sinh βξ - sin βξ), with ξ = distance from the clamp / length, a root β of
+cos β cosh β = -1, and σ = (cosh β + cos β) / (sinh β + sin β) (R. D. Blevins, Formulas for natural frequency and mode
+shape, 1979, table 8-1).
 """
 
 from __future__ import annotations

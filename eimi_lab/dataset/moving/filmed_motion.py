@@ -125,7 +125,7 @@ def read_video_motions(
     facts : MotionFacts
         Facts about the recording that the user gives.
     is_clicked : bool
-        Whether the calibration comes from clicked points, and is corrected by the measured shape at rest.
+        True if the calibration comes from clicked points; it is then corrected by the measured shape at rest.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def frame_at_rest(path: Path) -> NDArray[Any]:
 
 
 def _still_frame(kept: Mapping[int, NDArray[Any]]) -> NDArray[Any]:
-    """Return the second last of some frames of a video, given by number."""
+    """Return the second last of the frames ``kept``, which are given by frame number."""
     numbers = sorted(kept)
     return kept[numbers[max(len(numbers) - 2, 0)]]
 

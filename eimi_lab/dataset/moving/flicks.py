@@ -67,7 +67,7 @@ def parts_of(frame_s: Array, points_mm: Array) -> list[tuple[int, int]]:
 
 
 def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
-    """Return whether a maximum of the amplitude begins a free oscillation, and is not a beat of two vibrations.
+    """Return whether a maximum of the amplitude is the start of a free oscillation; False for a beat of two vibrations.
 
     ``size`` is the amplitude in n frames (n,), ``peak`` the frame of the maximum, ``frames`` the period in frames.
     """
@@ -81,7 +81,7 @@ def _is_abrupt(size: Array, peak: int, frames: int) -> bool:
 def _deflection(points_mm: Array) -> Array | None:
     """Return the deflection of the point that moves most, in each of n frames, mm, shape (n,).
 
-    `points_mm` has the shape (n, p, 2). Missing values are interpolated. None if every point is missing too often.
+    `points_mm` has the shape (n, p, 2). Missing values are interpolated. The result is None if too many are missing.
     """
     is_seen = np.isfinite(points_mm[..., 1])
     often = is_seen.mean(axis=0) > 0.5

@@ -80,7 +80,7 @@ def free_motion(
 ) -> Motion:
     """Return the motion of the beam after its release, with times from the release.
 
-    By default, the beam is released in the last frame with at least 97 % of the largest deflection.
+    If the user gives no time of release, the last frame with at least 97 % of the largest deflection is used.
 
     Parameters
     ----------

@@ -41,9 +41,9 @@ def write_motion_dataset(
     calibration : Calibration, optional
         Calibration of the pictures; None for tracked points.
     gravity_angle_deg : float, optional
-        Direction of gravity, degrees from +x (along the straight beam) toward +y, without a calibration.
+        Direction of gravity, degrees from +x (along the straight beam) toward +y; used only without a calibration.
     gravity : bool
-        Whether the simulation of the beam includes its weight, without a calibration.
+        Whether the simulation of the beam includes its weight; used only without a calibration.
     force : bool
         Whether an existing file is overwritten.
 

@@ -43,7 +43,7 @@ def _with_one_wrong(pattern: re.Pattern[bytes]) -> re.Pattern[bytes]:
 
 
 def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | None:
-    """Return the block signature from which `content` (4 bytes) differs by at most one bit; None if there is none."""
+    """Return the block signature (4 bytes) that differs by at most one bit from `content`; None if there is none."""
     for name in pattern.pattern.split(b"|"):
         if len(content) == 4 and (int.from_bytes(content, "little") ^ int.from_bytes(name, "little")).bit_count() <= 1:
             return name
@@ -51,7 +51,10 @@ def _nearest_signature(content: bytes, pattern: re.Pattern[bytes]) -> bytes | No
 
 
 def _mend_header(file: MendedFile, at: int) -> int:
-    """Correct the description of a group or array (object header) at `at`; return the number of corrected blocks."""
+    """Correct the object header at the position `at`, and return the number of corrected blocks.
+
+    An object header is HDF5's description of one group or array.
+    """
     lengths = {_header_length(file.bytes_at(at, 64))}
     head = file.bytes_at(at, 64)
     for bit in range(32, 8 * min(len(head), 34)):  # the flipped bit may be in the field that holds the length
@@ -77,7 +80,7 @@ def _mend_header(file: MendedFile, at: int) -> int:
 
 
 def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
-    """Correct one flipped bit in the block at `at`, whose length is one of several possible lengths.
+    """Correct one flipped bit in the block at the position `at`, whose length is one of several possible lengths.
 
     Returns the number of corrected bits (0 or 1) and the length with a correct checksum (0 if there is none).
     """
@@ -91,9 +94,9 @@ def _mend_any(file: MendedFile, at: int, lengths: list[int]) -> tuple[int, int]:
 
 
 def _header_length(head: bytes) -> int:
-    """Return the length of an object header with its checksum, bytes; 0 if ``head`` does not begin such a header.
+    """Return the length of an object header (description of a group or array) in bytes, with its checksum.
 
-    See HDF5 File Format Specification 3.0, section IV.A.1.b.
+    The result is 0 for other content (HDF5 File Format Specification 3.0, section IV.A.1.b).
     """
     if len(head) < 34 or head[4] != 2:
         return 0
@@ -102,12 +105,12 @@ def _header_length(head: bytes) -> int:
 
 
 def _length_at(head: bytes) -> int:
-    """Return the position of the length in an object header, bytes from the beginning of the header."""
+    """Return the position (bytes) at which an object header (description of a group or array) contains its length."""
     return 6 + (16 if head[5] & 0x20 else 0) + (4 if head[5] & 0x10 else 0)
 
 
 def _continuations(messages: bytes, flags: int) -> Iterator[tuple[int, int]]:
-    """Yield position and length, in bytes, of each block in the file that continues an object header.
+    """Yield the position and the length (bytes) of each block that continues an object header (description of a group).
 
     ``messages`` contains the bytes of all messages in the header, and ``flags`` the byte with its flags.
     """

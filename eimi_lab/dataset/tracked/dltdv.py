@@ -65,7 +65,7 @@ def _tracks(path: Path, columns: list[str], table: NDArray[np.float64]) -> Track
 
 
 def _sparse(path: Path, lines: list[str]) -> tuple[list[str], NDArray[np.float64]]:
-    """Convert the lines of a sparse DLTdv file into names of columns and a table with one row for each frame.
+    """Convert a DLTdv file that lists only existing values into column names and a table with one row for each frame.
 
     A value that the file does not list is NaN.
     """
