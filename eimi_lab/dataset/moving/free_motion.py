@@ -23,6 +23,8 @@ def free_motions(
 ) -> tuple[Motion, ...]:
     """Return the free motions in a recording, one for each brief push of the beam; for creep, the whole recording.
 
+    If the user gives the time of the release, only the motion after this release is returned.
+
     Parameters
     ----------
     points_mm, rest_mm, time_s, sigma_mm
