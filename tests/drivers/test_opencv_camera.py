@@ -207,7 +207,7 @@ def test_a_device_with_a_frame_rate_keeps_its_frames_in_order_until_its_ring_is_
     monkeypatch.setattr(cv2, "VideoCapture", lambda index: fake)
     camera = open_camera("opencv", "97", CameraSettings(frame_rate_Hz=100.0))
     try:
-        for _ in range(opencv.BUFFERS + 3):
+        for _ in range(32 + 3):
             fake.expose()
         fake.waiting.acquire(timeout=PATIENCE_S)  # the next frame is being read: all earlier frames are stored
         fake.waiting.release()
