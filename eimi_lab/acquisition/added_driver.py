@@ -1,10 +1,4 @@
-"""Send to the guardian process a supply driver that the user's program added.
-
-The guardian process switches the coil off if the run dies. It is a separate process, which knows only the drivers of
-this package and of installed packages. A driver of the user's program is therefore sent with cloudpickle. If the class
-of the driver comes from a module, the guardian process imports the module. If the class comes from a script or a
-notebook, the code of the class is sent.
-"""
+"""Send a supply driver of the user's program to the guardian process, which switches the coil off if the run dies."""
 
 from __future__ import annotations
 
@@ -19,27 +13,24 @@ from eimi_lab.process.detached import LONGEST_ARGUMENT
 
 
 def pack(name: str) -> str:
-    """Return a text that contains a supply driver of the user's program, for the guardian process.
+    """Return a text that contains a supply driver of the user's program.
 
-    The guardian process switches the coil off if the run dies, and needs the driver for this. There, `unpack` converts
-    the text into the driver again.
+    The guardian process, which switches the coil off if the run dies, reads the text with `unpack`.
 
     Parameters
     ----------
     name : str
-        Name of the driver in the table of all drivers, `SUPPLIES`.
+        Name of the driver in `SUPPLIES`, the table of all drivers.
 
     Returns
     -------
     str
-        A JSON object with the pickled class of the driver (as base64) and the module search path of this process. The
-        text is empty for the driver of an installed package, because the guardian process finds this driver itself.
+        A JSON object with the pickled driver; empty for the driver of an installed package.
 
     Raises
     ------
     UnusableDriver
-        If the driver cannot be pickled, for example because it holds an open port, or if the text is too long to be an
-        argument of a process.
+        If the driver cannot be pickled, or if the text is too long.
     """
     if name not in SUPPLIES.added():
         return ""
@@ -62,14 +53,14 @@ def pack(name: str) -> str:
 
 
 def unpack(name: str, packed: str) -> None:
-    """Add a supply driver to `SUPPLIES`, the table of all drivers by name, in this process.
+    """Add a supply driver to `SUPPLIES`, the table of all drivers.
 
     Parameters
     ----------
     name : str
         Name of the driver.
     packed : str
-        Text that `pack` returned in another process. An empty text adds nothing.
+        Text that `pack` returned; an empty text adds nothing.
     """
     if packed:
         content = json.loads(packed)

@@ -1,7 +1,4 @@
-"""Open the camera of a rig: a device, a recording, or a virtual beam in the coil of an emulated supply.
-
-A rig is the set of instruments that a rig file lists.
-"""
+"""Open the camera of a rig file: a device, a recording, or a virtual beam."""
 
 from __future__ import annotations
 
@@ -13,18 +10,18 @@ from eimi_lab.config.specimen import SpecimenFile
 
 
 def open_rig_camera(rig: Rig, specimen: SpecimenFile, clock: Clock, cue: Cue) -> Camera:
-    """Return the open camera of a rig (the instruments of a rig file), with the settings of the camera applied.
+    """Open the camera of a rig file, apply its settings, and return it.
 
     Parameters
     ----------
     rig : Rig
-        Rig file, which gives the driver, the source and the settings of the camera.
+        Contents of the rig file, which lists the instruments.
     specimen : SpecimenFile
-        The specimen. Only a virtual beam uses it.
+        The specimen, for a virtual beam.
     clock : Clock
-        Clock of the run. Only a virtual beam uses it.
+        Clock of the run, for a virtual beam.
     cue : Cue
-        Holds the number of the present state (load step) of the run, for a recording with one picture for each state.
+        Number of the present state (load step), for a recording.
 
     Raises
     ------

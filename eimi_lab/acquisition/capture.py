@@ -14,7 +14,7 @@ from eimi_lab.vision.settling_statistic import Noise
 
 @dataclass(frozen=True)
 class Capture:
-    """The frames of one state (load step), the readings taken after each frame, and the flags (defects) of the state.
+    """The frames of one state (load step), with their readings and defects.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Capture:
     sensed : tuple of mapping
         Readings of the sensors after each frame, by the name of the sensor.
     flags : tuple of Flag
-        Names of the defects that at least one of the frames has.
+        Names of the defects of the frames.
     """
 
     frames: tuple[Frame, ...]
@@ -58,20 +58,20 @@ def capture(
     count : int
         Number of frames.
     measured_A : callable
-        Measures the current, A; called once after each frame.
+        Measures the current, A, after each frame.
     sense : callable
-        Reads the sensors; called once after each frame.
+        Reads the sensors after each frame.
     noise : Noise
-        Noise of the camera, with which the frames are checked for defects.
+        Noise of the camera.
     stop_if_asked : callable
-        Called before each frame. It raises an exception if the run has to stop.
+        Called before each frame; raises an exception if the run has to stop.
     see : callable
-        Receives every frame and its time on the clock (s).
+        Receives every frame and its time (s).
 
     Returns
     -------
     Capture
-        The frames with their currents, times, sensor readings and flags.
+        The frames with their currents, times, sensor readings and defects.
     """
     camera.flush()
     frames, currents, times, sensed = [], [], [], []

@@ -1,4 +1,4 @@
-"""A coil on a power supply: change its current in ramps, and compare the measured current with the set-point."""
+"""Change the current of a coil in ramps, and compare the measured current with the set-point."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def without_contact(supply: object) -> str:
 
 
 def no_sensors() -> dict[str, float]:
-    """Return an empty dictionary. A bench without sensors passes this function as the argument `sense`."""
+    """Return an empty dictionary: the readings of a bench without sensors."""
     return {}
 
 
@@ -72,10 +72,12 @@ def never() -> None:
 class Coil:
     """A coil on a power supply, with the set-point of the supply and the checks of the current.
 
+    A function `stop_if_asked` is called between two operations and may raise an exception.
+
     Parameters
     ----------
     supply : PowerSupply
-        The supply. Its limits apply.
+        The supply, with its limits.
     clock : Clock
         Clock of the ramps and waits.
     rule : Ramp
@@ -83,36 +85,26 @@ class Coil:
     asked_A : float
         Present set-point of the supply, A.
     simulated : bool
-        Whether the supply is simulated in this process. The current is then not measured: no hardware can fail, and a
-        measurement would change the simulated time and the noise of every run.
+        Whether the supply is simulated. Its current is measured only if there are interlocks.
     interlocks : Interlocks
-        Bounds of the readings; a reading outside its bounds ends the run. If there is at least one interlock, the
-        current of a simulated supply is measured too.
+        Bounds of the readings; a reading outside its bounds ends the run.
     sense : callable
-        Reads the sensors and returns their values by name, without the sensors that gave no value. Called with each
-        measurement if there are interlocks.
+        Reads the sensors and returns their values by name.
 
     Attributes
     ----------
     asked_A : float
         Present set-point, A.
     simulated : bool
-        Whether the supply is simulated in this process.
+        Whether the supply is simulated.
     changed_s : float
         Time at which the set-point last changed, s on the clock.
     leads_swapped : bool
-        Whether the leads are swapped at the supply. The current of the coil is then minus the current of the supply.
+        Whether the current of the coil is minus the current of the supply, because its leads are swapped.
     out_of_control : bool
-        Whether a measured current differed from its set-point, a reading left the bounds of its interlock, or the run
-        stood still. The coil is then switched off without a ramp.
+        Whether a current or a reading was wrong, or the run stood still. The coil is then switched off without a ramp.
     unreachable : str
-        Why the supply gives no usable answer, in words; empty if it answers. If the text is not empty, the coil is
-        switched off without a ramp.
-
-    Notes
-    -----
-    Methods with a parameter `stop_if_asked` call this function between two operations, never during one. The function
-    may raise an exception.
+        Why the supply gives no usable answer, in words; empty if it answers.
     """
 
     def __init__(
@@ -142,9 +134,9 @@ class Coil:
         self._set_points: list[SetPoint] = []
 
     def switch_off(self) -> Off | None:
-        """Switch the supply off, and return the current that was measured afterwards.
+        """Switch the supply off, and return the current that was measured afterwards; None if it cannot measure.
 
-        None is returned if the supply cannot measure. Raises SwitchOffFailed if the supply could not be confirmed off.
+        Raises SwitchOffFailed if the supply could not be confirmed off.
         """
         self.asked_A = 0.0
         self._recent.append((self._clock.now(), 0.0))
@@ -152,37 +144,29 @@ class Coil:
         return switch_off(self.supply, self._clock)
 
     def count_the_end(self, ago_s: float = 0.0) -> None:
-        """Store the moment from which the time limit of the final ramp to zero current counts: `ago_s` (s) before now.
+        """Set the start of the time limit for the final ramp to zero current to `ago_s` seconds before now.
 
-        After a signal such as Ctrl-C, the ramp may begin late, because an exchange of messages with the supply is still
-        in progress. The time limit counts from the signal nevertheless. Only the first call has an effect.
+        Only the first call has an effect.
         """
         if self._ends_since_s is None:
             self._ends_since_s = self._clock.now() - ago_s
 
     def watch(self, stop_if_asked: Callable[[], None] = never, early_s: float = 0.0) -> None:
-        """Measure the current and check the supply for faults, unless this was done only a short time before.
-
-        The run calls this method between its operations: during ramps, while the beam settles, and in a pause. The
-        method returns at once while another thread sets a current, because two exchanges on one line would mix.
+        """Measure the current and check the supply for faults, unless this was done a short time ago.
 
         Parameters
         ----------
         stop_if_asked : callable
-            Called between the check for faults and the measurement. It may raise an exception.
+            Called before the measurement; it may raise an exception.
         early_s : float
-            Time by which the interval between two measurements is shortened, s. A second thread uses a positive value:
-            it then always measures before the thread of the run would, which need not wait for a measurement.
+            Time by which the interval between two measurements is shortened, s.
 
         Raises
         ------
         InstrumentError
-            If the current is wrong in two measurements in a row, or if the supply reports a fault or does not answer. A
-            current is wrong if it is above the limit of the supply, or if it differs by more than the tolerance from
-            all currents between the recent set-points.
+            If the current is wrong in two measurements in a row, or the supply reports a fault or does not answer.
         BeyondInterlock
-            If a reading is outside its bounds in the rig file in two measurements in a row, or if no value of a reading
-            arrived within the longest permitted time.
+            If a reading is outside its bounds in two measurements in a row, or does not come for too long.
         """
         measured = bool(self._interlocks) or not self.simulated
         every_s = WATCH_EVERY_S
@@ -213,10 +197,7 @@ class Coil:
             self._interlocks.check(readings, self._clock.now())
 
     def _readings(self, measured: Reading) -> dict[str, float]:
-        """Return the readings of supply and sensors that an interlock (bounds of a reading) can check, by their names.
-
-        ``measured`` is a measurement of the supply. Without interlocks, the sensors are not read.
-        """
+        """Return the values of the supply by name; also of the sensors if there are interlocks (bounds of readings)."""
         return {**readings_of(measured), **(self._sense() if self._interlocks else {})}
 
     def check(self) -> None:
@@ -226,11 +207,7 @@ class Coil:
 
     @contextmanager
     def _timed_exchange(self) -> Iterator[None]:
-        """Measure how long one exchange with the supply takes; the body of a with statement carries out the exchange.
-
-        `ramp_down` needs the durations to estimate whether another step still fits into its time. If the supply gives
-        no usable answer, the reason is stored in `unreachable`, and the error is raised again.
-        """
+        """Measure the duration of an exchange with the supply, and store in `unreachable` why the exchange failed."""
         began_s = self._clock.now()
         try:
             yield
@@ -241,11 +218,7 @@ class Coil:
 
     @contextmanager
     def _marking_out_of_control(self) -> Iterator[None]:
-        """Set `out_of_control` if the check in the body of a with statement raises BeyondInterlock.
-
-        This error means that a reading is outside its bounds. The run then switches the coil off at once, because a
-        ramp of the current to zero might take too long.
-        """
+        """Set `out_of_control` if the body of the with statement raises BeyondInterlock."""
         try:
             yield
         except BeyondInterlock:
@@ -253,10 +226,7 @@ class Coil:
             raise
 
     def _swapped(self, current_A: float) -> float:
-        """Convert a current of the supply into the current of the coil, or the reverse.
-
-        If the leads of the coil are swapped, the sign changes; otherwise the current is returned unchanged.
-        """
+        """Return the current with the opposite sign if the leads of the coil are swapped; otherwise unchanged."""
         return -current_A if self.leads_swapped and current_A else current_A
 
     def _is_right(self, of_supply_A: float) -> bool:
@@ -280,15 +250,14 @@ class Coil:
         )
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points that were sent since the previous call of this method, with the times of sending."""
+        """Return the set-points that were sent since the previous call, with the times of sending."""
         new, self._set_points = self._set_points, []
         return new
 
     def ramp_to(self, current_A: float, stop_if_asked: Callable[[], None] = never) -> None:
         """Change the current of the coil to `current_A` (A) in a ramp.
 
-        `stop_if_asked` is called between the steps and may raise an exception. Raises the errors of
-        `PowerSupply.set_current`.
+        Raises the errors of `PowerSupply.set_current`.
         """
         start = self.asked_A
         steps = math.ceil(round(abs(current_A - start) / self._rule.step_A, 6))
@@ -302,10 +271,8 @@ class Coil:
     def ramp_down(self, stop_if_asked: Callable[[], None] = never) -> None:
         """Ramp the current to zero within the time `ramp.down_within_s` of the protocol.
 
-        After a signal such as Ctrl-C, the time counts from the signal. If the supply is slow, the steps are larger than
-        in the protocol. The ramp ends early if the next step would probably take too long. There is no ramp if a
-        measured current or a reading was wrong, or if the supply does not answer. Raises the errors of
-        `PowerSupply.set_current`.
+        The ramp ends early if the time is too short. There is no ramp if a current or a reading was wrong, or if the
+        supply does not answer. Raises the errors of `PowerSupply.set_current`.
         """
         if self.out_of_control or self.unreachable:
             return
@@ -331,13 +298,10 @@ class Coil:
     def step_to(self, current_A: float) -> SetPoint:
         """Set a current in one step, without a ramp, and measure until the current is reached.
 
-        A thread other than the thread of the run may call this method.
-
         Returns
         -------
         SetPoint
-            The current, the time at which the coil reached it, and the uncertainty of this time. The uncertainty
-            includes the time from the answer of the supply to the first measurement that agrees with the set-point.
+            The current, the time at which the coil reached it, and the uncertainty of this time.
 
         Raises
         ------

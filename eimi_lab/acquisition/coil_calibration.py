@@ -1,4 +1,4 @@
-"""Measure the field of a coil as a function of its current with the gaussmeter of a rig (a set of instruments)."""
+"""Measure the magnetic field of a coil as a function of its current, with a gaussmeter."""
 
 from __future__ import annotations
 
@@ -35,20 +35,18 @@ READINGS = 5
 
 @dataclass(frozen=True)
 class CoilCalibration:
-    """The measured field of a coil as a function of its current.
+    """The measured magnetic field of a coil as a function of its current.
 
     Parameters
     ----------
     current_A : ndarray, shape (n,)
         The n currents in the order of the measurement, A.
     field_mT : ndarray, shape (n,)
-        Mean of the readings of the probe at each current, mT.
+        Mean reading of the probe at each current, mT.
     line : FieldLine
-        Straight line through the readings: its slope (mT/A) and its offset (mT), converted from the position of the
-        probe to the position of the magnet.
+        Straight line through the readings: slope (mT/A) and offset (mT) at the position of the magnet.
     hysteresis_mT : float
-        Largest difference between the mean readings of the probe at one current, for example on the way up and on the
-        way down, mT.
+        Largest difference between two mean readings at equal currents, mT.
     """
 
     current_A: NDArray[np.float64]
@@ -58,24 +56,23 @@ class CoilCalibration:
 
 
 def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[float]:
-    """Return the currents (A) at which a calibration measures the field.
+    """Return the currents (A) of a calibration: in equal steps from zero to the largest current and back.
 
-    The currents rise from zero to the largest current and fall back to zero in equal steps. If the supply is bipolar,
-    the same currents follow with the opposite sign.
+    If the supply is bipolar, the currents with the opposite sign follow.
 
     Parameters
     ----------
     rig : Rig
-        The rig file, which gives the limits of the current.
+        Contents of the rig file, with the limits of the current.
     largest_A : float or None
-        Largest current, A; None takes the largest current that the rig allows.
+        Largest current, A; None for the limit in the rig file.
     steps : int
         Number of currents from zero to the largest current, both included.
 
     Raises
     ------
     InputError
-        If the largest current is beyond the limits of the rig.
+        If the largest current is beyond the limit.
     """
     limit = rig.supply.limits.current_A
     bound = min(limit, rig.coil.continuous_current_A) if rig.coil else limit
@@ -93,16 +90,16 @@ def calibration_currents(rig: Rig, largest_A: float | None, steps: int) -> list[
 
 
 def calibrate_coil(rig: Rig, currents_A: list[float], on_event: OnEvent) -> CoilCalibration:
-    """Measure the field of the coil at each current. At the end, also after an error, the coil is off.
+    """Measure the magnetic field of the coil at given currents. At the end, also after an error, the coil is off.
 
     Parameters
     ----------
     rig : Rig
-        A rig (the instruments of a rig file) with a gaussmeter: a sensor with `measures = "field"`.
+        Contents of a rig file with a gaussmeter: a sensor with `measures = "field"`.
     currents_A : list of float
         The currents, A, in the order of the measurement.
     on_event : OnEvent
-        Receives warnings, and the events (records of what happened) about switching the coil off.
+        Receives warnings and the events (records of what happened).
 
     Returns
     -------
@@ -193,15 +190,12 @@ def _opened(rig: Rig, on_event: OnEvent) -> Iterator[CoilBench]:
 
 
 def with_measured_coil(calibration: Calibration, measured: CoilCalibration, today: date) -> Calibration:
-    """Return a copy of a calibration with the measured values of the coil.
-
-    The copy has a new coil constant, a new background field along the axis of the coil, the uncertainties of both
-    values, a new table of the field against the current, and a new date.
+    """Return a copy of a calibration with the measured coil constant, background field and table of the field.
 
     Parameters
     ----------
     calibration : Calibration
-        The calibration to which the rig file (the list of the instruments) refers.
+        The calibration of the bench.
     measured : CoilCalibration
         The measured field of the coil.
     today : date

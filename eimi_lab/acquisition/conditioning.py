@@ -1,9 +1,7 @@
 """Apply load cycles before a run, and measure how far the cycles changed the shape of the beam.
 
-A filled rubber or a silicone is stiffer when it is stretched for the first time than afterwards. Afterwards the
-material is softer up to the largest stretch that it has reached (Mullins effect; L. Mullins, Rubber Chem. Technol. 42
-(1969) 339). Without load cycles, a run measures some states (load steps) before this softening and some states after
-the softening.
+Filled rubbers become softer when they are stretched for the first time (Mullins effect; L. Mullins, Rubber Chem.
+Technol. 42 (1969) 339).
 """
 
 from __future__ import annotations
@@ -26,10 +24,7 @@ Shape = tuple[int, Moment]
 
 
 def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], None]) -> None:
-    """Apply the load cycles before a run, and store frames of the beam at rest.
-
-    The stored frames show the unloaded beam before the cycles, the loaded beam in the first and in the last cycle, and
-    the unloaded beam after the cycles. At the end the event `ConditioningDone` is sent.
+    """Apply the load cycles before a run, store frames of the beam at rest, and send `ConditioningDone`.
 
     Parameters
     ----------
@@ -38,7 +33,7 @@ def condition(run: Stepping, rule: Conditioning, stop_if_asked: Callable[[], Non
     rule : Conditioning
         Number of the cycles, and their largest current (A).
     stop_if_asked : callable
-        Called between the operations. It raises an exception if the run has to stop.
+        Called between the operations; raises an exception if the run has to stop.
 
     Raises
     ------
@@ -70,12 +65,9 @@ def _at_rest(run: Stepping, stop_if_asked: Callable[[], None]) -> Moment:
 
 
 def _changes(run: Stepping, shapes: list[Shape], stop_if_asked: Callable[[], None]) -> Iterator[ShapeChange]:
-    """Yield how far the load cycles changed the shape of the beam, once for the loaded and once for the unloaded beam.
+    """Yield how far the load cycles changed the shape of the loaded beam, and then of the unloaded beam.
 
-    `shapes` contains frames of the beam at rest, each with the number of the load cycle in which it was taken. For each
-    current, the first and the last frame are compared. The change is the distance between the two positions of the
-    beam's tip. If the tip is not visible in one of the two frames, the change is instead the difference of the two
-    images.
+    `shapes` contains frames of the beam at rest, with the numbers of their load cycles.
     """
     for current_A in sorted({moment.set_A for _, moment in shapes}, key=abs, reverse=True):
         of_current = [(cycle, moment.frame) for cycle, moment in shapes if moment.set_A == current_A]

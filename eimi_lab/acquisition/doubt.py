@@ -11,19 +11,16 @@ from eimi_lab.acquisition.events import OffNotConfirmed, OnEvent
 
 @contextmanager
 def doubted_after(seconds: float, doubt: OffNotConfirmed | None, on_event: OnEvent) -> Iterator[None]:
-    """Report that the coil may still be on, if the body of a with statement takes longer than a given time.
-
-    The body contains an attempt to switch the coil off. If the connection to the supply has failed, the attempt can
-    take several seconds before it raises an error.
+    """Send an event if the body of the with statement, which switches the coil off, takes longer than a given time.
 
     Parameters
     ----------
     seconds : float
-        Time after which the report is sent, s.
+        Time after which the event is sent, s.
     doubt : OffNotConfirmed or None
-        The event that is sent after this time, from another thread; None sends nothing.
+        The event: the coil may still be on. None sends nothing.
     on_event : OnEvent
-        Receives the event.
+        Receives the event, in another thread.
     """
     if doubt is None:
         yield

@@ -1,7 +1,4 @@
-"""List the steps of a run and the messages to the supply, without using an instrument.
-
-The run is carried out on an emulated supply in simulated time.
-"""
+"""List the steps of a run and the messages to the supply, without using an instrument."""
 
 from __future__ import annotations
 
@@ -41,14 +38,13 @@ RESISTANCE_OHM = 0.01  # assumed resistance of the coil; so small that the volta
 
 
 class _Wire(InProcessTransport):
-    """The connection to an emulated supply. Each message is passed to the function `say` and then to the supply."""
+    """The connection to an emulated supply; every message is also passed to the function `say`."""
 
     def __init__(self, responder: Responder, clock: Clock, address: str, say: Callable[[str], None]) -> None:
         super().__init__(responder, clock, address)
         self._say = say
 
     def write(self, message: bytes) -> None:
-        """Pass a message to the function `say`, and then send the message."""
         self._say(message.decode("ascii", "backslashreplace").rstrip())
         super().write(message)
 
@@ -62,14 +58,13 @@ class _BeamAtRest:
         self._number = 0
 
     def identify(self) -> Identity:
-        """Return an identity with the text "no camera"."""
         return Identity("dry run", "no camera", "none")
 
     def flush(self) -> None:
-        """Do nothing, because no frames are buffered."""
+        """Do nothing."""
 
     def grab(self, timeout_s: float) -> Frame:
-        """Return a frame of the beam at rest, and let the simulated time advance by the time between two frames."""
+        """Return a frame of the beam at rest, and advance the simulated time by the time between two frames."""
         self._clock.sleep(FRAME_S)
         self._number += 1
         image = np.full((32, 32), 200.0)
@@ -78,7 +73,7 @@ class _BeamAtRest:
         return Frame(image.astype(np.uint8), self._number, self._clock.now())
 
     def close(self) -> None:
-        """Do nothing, because there is nothing to release."""
+        """Do nothing."""
 
 
 def dry_run(
@@ -90,31 +85,27 @@ def dry_run(
 ) -> None:
     """List the steps of a run and the messages to its supply, without using an instrument.
 
-    The run is carried out on an emulated supply in simulated time. The simulated beam is at rest at once, so that the
-    simulated duration is the shortest possible duration. The longest possible duration is listed too. A driver of
-    another package has no emulator. Another emulated supply then takes its place: the times are those of the other
-    supply, and no messages are listed.
+    A driver without an emulator is replaced by another emulated supply; then no messages are listed.
 
     Parameters
     ----------
     protocol : Protocol
-        The currents of the run, and the times to wait at each current.
+        The currents of the run, and the times to wait.
     specimen : SpecimenFile
         The beam.
     rig : Rig
-        The rig file, for its limits and drivers. The instruments are not used.
+        Contents of the rig file: limits and drivers.
     say : callable
-        Receives each step as a line of text. The last line gives the shortest and the longest duration of the run.
+        Receives each step as a line of text, and at the end the shortest and the longest duration.
     say_detail : callable, optional
-        Receives the details as lines of text: each message to the supply with its simulated time, the end of each
-        state (load step), and the states in the middle of a long run. By default `say` receives the details.
+        Receives the messages to the supply and other details as lines of text; by default `say`.
 
     Raises
     ------
     InputError
-        If the protocol, the specimen and the rig do not fit together, for example because a current exceeds a limit.
+        If the protocol, the specimen and the rig do not fit together.
     InstrumentError
-        If the supply does not have the channel (the number of an output) that its address names.
+        If the supply does not have the output (channel) that its address names.
     """
     clock, detail = SimulatedClock(), say_detail or say
     limits = rig.supply.limits.stricter(protocol.limits)

@@ -1,7 +1,6 @@
-"""Write and read the events of a run as lines of JSON.
+"""Write and read the events of a run (records of what happened) as lines of JSON.
 
-An event is a record of one thing that happened in a run. Each line is one object, and its key `event` gives the name of
-the event. A thread writes the lines, so that a slow or missing reader never delays a run.
+The key `event` of a line gives the name of the event.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _log = logging.getLogger(__name__)
 
 
 def to_line(event: Event) -> str:
-    """Return an event (a record of one thing that happened in a run) as one line of JSON, without a newline.
+    """Return an event (a record of what happened in a run) as one line of JSON, without a newline.
 
     A number that is not finite becomes null.
     """
@@ -34,10 +33,9 @@ def to_line(event: Event) -> str:
 
 
 def from_line(line: str | bytes) -> Event | None:
-    """Return the event (a record of one thing that happened in a run) that a line of JSON describes.
+    """Return the event (a record of what happened in a run) in a line of JSON; None if its name is unknown.
 
-    None is returned if this release of the program has no event with the name in the line. Keys of the line that this
-    release does not know are ignored.
+    Unknown keys are ignored.
 
     Raises
     ------
@@ -64,8 +62,7 @@ def _finite(value: Any) -> Any:
 class EventLines:
     """A function that writes events (records of what happened in a run) as lines of JSON to a file descriptor.
 
-    A separate thread writes the lines, so that the sender of an event never waits. After `finish` this thread closes
-    the descriptor.
+    Another thread writes the lines, so that the caller never waits. After `finish`, the descriptor is closed.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -95,16 +92,14 @@ class EventLines:
 
 @contextmanager
 def sending_events(listener: OnEvent, descriptor: int | None) -> Iterator[OnEvent]:
-    """Yield a function that sends an event to `listener` and writes the event as a line of JSON.
-
-    An event is a record of one thing that happened in a run.
+    """Yield a function that passes an event (a record of what happened) to `listener` and writes it as a line of JSON.
 
     Parameters
     ----------
     listener : OnEvent
         Receives every event.
     descriptor : int or None
-        File descriptor. The lines are written to a copy of this descriptor; None writes no lines.
+        File descriptor for the lines; None writes no lines.
     """
     if descriptor is None:
         yield listener

@@ -1,8 +1,4 @@
-"""Describe the events of a run in English for a person.
-
-An event is a record of one thing that happened in a run. Programs use the fields of an event and never read these
-sentences.
-"""
+"""Describe the events of a run (records of what happened) in English for a person."""
 
 from __future__ import annotations
 
@@ -58,23 +54,21 @@ _REMARKS = (ConditioningDone, PauseRequested, Paused, Resumed, SuspendRefused, P
 
 
 def on_terminal(report: Callable[[str], None], remark: Callable[[str], None] = tell) -> OnEvent:
-    """Return a listener that describes events in sentences and passes the sentences to two functions.
+    """Return a function that describes events (records of what happened) in sentences.
 
-    An event is a record of one thing that happened in a run, and a listener is a function that receives events. An
-    error that ends the run gives no sentence, because the command prints the message of this error.
+    An error that ends the run gives no sentence.
 
     Parameters
     ----------
     report : callable
-        Receives a sentence about each stored state (load step) and each stored ring-down (recording of the beam while
-        it swings freely).
+        Receives the sentences about stored states (load steps) and ring-downs (recordings of the swinging beam).
     remark : callable
-        Receives the sentences about all other events, such as a pause or a warning.
+        Receives the sentences about all other events.
 
     Returns
     -------
     OnEvent
-        The listener.
+        The function, which receives an event.
     """
     doubted = False
 
@@ -102,9 +96,9 @@ def protection_in_words(without_contact: str, interlocks: tuple[str, ...] = ()) 
     Parameters
     ----------
     without_contact : str
-        What the output does after the contact to the computer is lost, in the words of the driver.
+        What the output does without contact to the computer, in words.
     interlocks : tuple of str
-        Names of the readings that have an interlock: bounds outside which the run ends.
+        Names of the readings with bounds outside which the run ends.
     """
     checked = (
         f"only the run checks the interlocks ({', '.join(interlocks)}); if the run stands still for {STILL_FOR_S:g} s "
@@ -122,7 +116,7 @@ def _left_unfinished(event: Event) -> bool:
 
 @singledispatch
 def in_words(event: Event) -> str:
-    """Return a sentence without a full stop about an event, which is a record of one thing that happened in a run."""
+    """Return a sentence, without a full stop, about an event (a record of what happened in a run)."""
     raise TypeError(f"there is no sentence for the event {type(event).__name__}")
 
 
@@ -303,12 +297,10 @@ def _(event: RunEnded) -> str:
 def left_behind(off: OffConfirmed | None, ended: RunEnded) -> str:
     """Return a sentence about the coil and the dataset after a run that was asked to stop.
 
-    The sentence becomes the message of the exception `Stopped`.
-
     Parameters
     ----------
     off : OffConfirmed or None
-        The event that confirmed the coil off; None if no such event was sent.
+        The event that confirmed the coil off, if there was one.
     ended : RunEnded
         The last event of the run.
     """
@@ -324,13 +316,12 @@ def _how_off(event: OffConfirmed) -> str:
 
 
 def off_after(off: OffConfirmed | OffNotConfirmed | None, seconds: float) -> str:
-    """Return the sentence that the web page shows when the coil is off after a person pressed STOP.
+    """Return a sentence that says that the coil is off after a person pressed STOP, for the web page.
 
     Parameters
     ----------
     off : OffConfirmed, OffNotConfirmed or None
-        The last event about the coil. If it is an `OffConfirmed`, the sentence also says how the coil was confirmed
-        off.
+        The last event about the coil.
     seconds : float
         Time from STOP to the confirmation, s.
     """

@@ -1,13 +1,7 @@
 """Start the guardian process, and exchange messages with it during a run.
 
-The guardian process switches the coil off if the run dies or stands still. Its code is in `guardian_process`. Two pipes
-connect the run and the guardian:
-
-- The run holds the only writing end of the first pipe. The operating system closes this end when the run ends, for any
-reason. While the guardian is armed, every step of the run writes a short message, called a beat, to the pipe. Without
-beats the guardian treats the run as standing still.
-- On the second pipe, the guardian reports that it is alive. Without these reports the run ends, because a run without a
-guardian is not allowed.
+The guardian process switches the coil off if the run dies or stands still. Over one pipe, the run reports that it is
+alive (a beat); over a second pipe, the guardian reports that it is alive.
 """
 
 from __future__ import annotations
@@ -47,25 +41,27 @@ RECOGNISED = b"recognised"  # the constants from ARM on are messages of the run
 
 
 class StoodStill(InstrumentError):
-    """The error that is raised if the run took no step for too long while the coil was on.
-
-    The reason is that the computer slept or the process was stopped.
-    """
+    """The error that is raised if the run took no step for too long while the coil was on."""
 
 
 @dataclass(frozen=True)
 class Ward:
     """The supply that the guardian process switches off if the run dies.
 
-    `driver`, `address` and the limits `current_A` and `voltage_V` come from the rig file. `off_below_A` is the current
-    below which the coil counts as off; None for the default. `packed` is the code of a driver that the user's program
-    added, as text; empty for an installed driver. `identity` contains the identification text and the serial number of
-    the supply that the run uses; None until the run has read both.
-
-    `recognised` matters only for a supply without a serial number: another supply of the same type may be connected at
-    its address. If `recognised` is false, the guardian therefore accepts the supply only in the state in which the run
-    left it, with its output on or with a current. If it is true, the guardian accepts the supply also with its output
-    off. The run sets `recognised` if it has switched the output off but still measures a current.
+    Attributes
+    ----------
+    driver, address : str
+        Driver and address in the rig file.
+    current_A, voltage_V : float
+        Limits in the rig file, A and V.
+    off_below_A : float or None
+        Largest current that counts as off, A; None for the default.
+    packed : str
+        Driver of the user's program, as text; empty for an installed driver.
+    identity : tuple or None
+        Identification text and serial number of the run's supply; None until they are known.
+    recognised : bool
+        Whether a supply without a serial number is accepted although its output is off and no current flows.
     """
 
     driver: str
@@ -79,26 +75,21 @@ class Ward:
 
     @property
     def limits(self) -> Limits:
-        """The limits for the driver: largest current, largest voltage, and the current below which the coil is off."""
+        """The limits for the driver: largest current, largest voltage, and the largest current that counts as off."""
         return Limits(self.current_A, self.voltage_V, self.off_below_A)
 
 
 class Guardian:
     """The connection of a run to its guardian process, which switches the coil off if the run dies.
 
-    The guardian is armed while the output of the supply may be on. `guarding` creates and closes the connection.
+    The constructor starts the process and does not wait for it. `guarding` creates and closes the connection.
 
     Parameters
     ----------
     ward : Ward
         The supply to switch off.
     events : int or None
-        File descriptor to which the guardian writes its events, as lines of JSON; None writes no events.
-
-    Notes
-    -----
-    The constructor starts the process and does not wait until the process is ready. The process has its own session, so
-    that Ctrl-C on the terminal does not reach it.
+        File descriptor for the events of the guardian as lines of JSON; None writes no events.
     """
 
     def __init__(self, ward: Ward, events: int | None = None) -> None:
@@ -143,25 +134,17 @@ class Guardian:
         self._beaten_s, self._gap_s = awake_s(), 0.0
 
     def expect(self, identity: Identity) -> None:
-        """Send the identity of the run's supply to the guardian process (which switches the coil off if the run dies).
-
-        The guardian process then accepts no other supply at the same address as the supply of the coil.
-        """
+        """Send the identity of the run's supply to the guardian process, which then accepts no other supply."""
         self._send(SUPPLY + json.dumps([identity.text, identity.serial_number]).encode())
 
     def recognise(self) -> None:
-        """Tell the guardian process to accept the supply at the address of the coil's supply even if its output is off.
-
-        The run sends this message if it has switched the output off but still measures a current. Without the message,
-        the guardian accepts a supply without a serial number only if its output is on or a current flows, because
-        another supply of the same type may be connected at this address.
-        """
+        """Tell the guardian process to accept the supply at the address of the coil even if its output is off."""
         self._send(RECOGNISED)
 
     def beat(self) -> None:
-        """Tell the guardian process that the run is alive. The method never waits and raises no error.
+        """Tell the guardian process that the run is alive. Never waits and raises no error.
 
-        Without such a message (a beat) for some seconds, the guardian process switches the coil off.
+        Without this message for some seconds, the guardian process switches the coil off.
         """
         if self._armed and awake_s() - self._beaten_s > BEAT_EVERY_S:
             self._note_the_gap()
@@ -169,11 +152,7 @@ class Guardian:
             self._send(BEAT)
 
     def allow(self, seconds: float) -> None:
-        """Tell the guardian process that the next beat may come as late as `seconds` (s) from now.
-
-        A beat is a message that the run is alive. Without beats, the guardian switches the coil off. The method never
-        waits and raises no error.
-        """
+        """Tell the guardian process that the run may be silent for `seconds` (s). Never waits and raises no error."""
         if self._armed:
             self._note_the_gap()
             self._beaten_s = awake_s() + seconds
@@ -196,8 +175,7 @@ class Guardian:
     def check(self) -> None:
         """Raise InstrumentError if the guardian process ended, does not answer or has begun to switch the coil off.
 
-        The guardian process switches the coil off if the run dies. Raise StoodStill if the run itself took no step for
-        too long. Both errors end the run.
+        Raise StoodStill if the run took no step for too long.
         """
         if not self._armed:
             return
@@ -223,25 +201,18 @@ class Guardian:
             )
 
     def silent_s(self) -> float:
-        """Return the time (s) since the last report of the guardian process that it is alive.
-
-        The guardian process switches the coil off if the run dies.
-        """
+        """Return the time (s) since the guardian process last reported that it is alive."""
         return time.monotonic() - self._heard_s
 
     def disarm(self) -> None:
-        """Tell the guardian process that the coil is off, so that it does not switch the coil off when the run ends.
-
-        No error is raised if the guardian process is gone.
-        """
+        """Tell the guardian process that the coil is off. No error is raised if the process is gone."""
         self._armed = False
         self._send(DISARM)
 
     def dismiss(self) -> None:
-        """Close the pipes to the guardian process, and end the process if it is not armed.
+        """Close the pipes to the guardian process, without waiting for its end.
 
-        The guardian is armed while the coil may be on. An armed guardian now switches the coil off. The method does not
-        wait for this.
+        An armed guardian switches the coil off; a guardian that is not armed ends.
         """
         if self._armed:
             resume(self._process)
@@ -269,15 +240,14 @@ class Guardian:
 def guarding(ward: Ward, events: int | None = None) -> Iterator[Guardian]:
     """Start a guardian process, which switches the coil off if the run dies, and yield the connection to it.
 
-    At the end of the context, a guardian that is armed (because the coil may be on) switches the coil off. A guardian
-    that is not armed is ended.
+    At the end of the context, a guardian that is armed switches the coil off.
 
     Parameters
     ----------
     ward : Ward
         The supply of the coil.
     events : int or None
-        File descriptor to which the guardian writes its events, as lines of JSON; None writes no events.
+        File descriptor for the events of the guardian as lines of JSON; None writes no events.
     """
     guardian = Guardian(ward, events)
     try:

@@ -1,8 +1,4 @@
-"""The guardian process: wait until the run dies or stands still, and then switch the coil off.
-
-The process opens no port while it waits. It reports that it is ready after it has imported all its modules and loaded
-the VISA library. The run switches the output on only after this report.
-"""
+"""Run the guardian process: wait until the run dies or stands still, and then switch the coil off."""
 
 from __future__ import annotations
 
@@ -81,14 +77,12 @@ ASKED: Takeover = "run_could_not_switch_off"
 def stand_guard(ward: Ward, on_event: OnEvent) -> None:
     """Wait until the run ends or takes no step for too long, and switch the coil off if it may still be on.
 
-    The guardian process calls this function.
-
     Parameters
     ----------
     ward : Ward
-        The supply of the coil: its driver, address, limits and identity.
+        The supply of the coil.
     on_event : OnEvent
-        Receives the events (records of what happened) of the guardian process.
+        Receives the events (records of what happened).
     """
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGPIPE", "SIGBREAK"):  # the guardian must not end before the run
         if hasattr(signal, name):
@@ -123,12 +117,7 @@ def stand_guard(ward: Ward, on_event: OnEvent) -> None:
 def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
     """Wait until the run ends, takes no step for too long, or asks the guardian process to switch the coil off.
 
-    Returns
-    -------
-    takeover : Takeover or None
-        Reason for switching the coil off; None if the run ended with the coil off.
-    ward : Ward
-        The supply of the run, with its identity if the run has sent it.
+    Returns the reason for switching off (None if the coil is off), and the supply of the run.
     """
     armed, patience_s, heard_s, unfinished = False, STILL_FOR_S, time.monotonic(), b""
     while True:
@@ -160,21 +149,20 @@ def _wait_until_needed(ward: Ward) -> tuple[Takeover | None, Ward]:
 
 
 def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_event: OnEvent) -> None:
-    """Switch the supply off and measure its current, repeatedly, until the coil is off or a time limit has passed.
+    """Try to switch the supply off until the coil is off or a time limit has passed.
 
-    A run that stands still keeps its connection to the supply, and some supplies accept only one connection at a time.
-    If the first attempt fails, the guardian process therefore kills the run.
+    A run that stands still is killed after a failed attempt, because it may occupy the supply.
 
     Parameters
     ----------
     ward : Ward
-        The supply of the coil: its driver, address, limits and identity.
+        The supply of the coil.
     takeover : str
-        Reason why the guardian switches off, for the events.
+        Reason for switching off.
     run : Starter
         The process of the run.
     on_event : OnEvent
-        Receives the result and, from time to time, a report about the failed attempts.
+        Receives the result and reports about failed attempts.
     """
     began = time.monotonic()
     reported_s = began - REPORT_EVERY_S + DOUBTED_AFTER_S
@@ -221,33 +209,10 @@ def switch_off_for_the_run(ward: Ward, takeover: Takeover, run: Starter, on_even
 
 
 def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
-    """Open the supply, switch it off, check that it is the supply of the coil, and close the connection.
+    """Switch the supply off, and return its measured current and a text about harmless failures.
 
-    The only set-point that is sent is zero. The current is not reduced in a ramp, because a ramp would have to begin at
-    the measured current, and a current measured during a fault may be twice the set-point or more.
-
-    A supply without a serial number may be another supply of the same type. It counts as the supply of the coil only if
-    at least one attempt finds its output on, or measures a current. Otherwise the coil does not count as off.
-
-    Parameters
-    ----------
-    ward : Ward
-        The supply of the coil: its driver, address, limits and identity.
-    was_on : set of bool
-        A memory that all attempts share: it contains True if an attempt found the output on or measured a current above
-        the limit, and is empty before.
-
-    Returns
-    -------
-    off : Off or None
-        The measured current; None if the supply cannot measure.
-    remark : str
-        Failures that did not prevent the switching off, in words; empty if there was none.
-
-    Raises
-    ------
-    Exception
-        The error that prevented the confirmation, if the supply was not confirmed off.
+    Raises an error if the supply was not confirmed off, or may not be the supply of the coil. `was_on` contains True
+    after an attempt found the output on.
     """
     clock, remark = WallClock(), ""
     supply = open_supply(ward.driver, ward.address, ward.limits, clock)
@@ -255,6 +220,7 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
         unidentified = _compare(ward, supply)
         found_off = ward.identity is not None and _find_off(supply, was_on)
         try:
+            # No ramp: it would begin at the measured current, which may be twice the set-point during a fault.
             off = switch_off(supply, clock)
         except SwitchOffFailed as error:
             if error.current_A is not None:  # a current flows: this is the supply of the coil
@@ -283,19 +249,9 @@ def _try_once(ward: Ward, was_on: set[bool]) -> tuple[Off | None, str]:
 
 
 def _compare(ward: Ward, supply: PowerSupply) -> str:
-    """Compare the identity of the open supply with the identity that the run sent.
+    """Return why the supply did not give its identity, in words; empty if its identity is right or was never sent.
 
-    A supply that does not give its identity is switched off nevertheless, because it may be the supply of the coil.
-
-    Returns
-    -------
-    str
-        Why the supply did not give its identity, in words. Empty if both identities are equal, or the run sent none.
-
-    Raises
-    ------
-    AnotherSupply
-        If the supply gave another identity.
+    Raises AnotherSupply if the supply gave another identity.
     """
     if ward.identity is None:
         return ""
@@ -314,11 +270,7 @@ def _compare(ward: Ward, supply: PowerSupply) -> str:
 
 
 def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
-    """Return whether the output of the supply is off, and was off in every earlier attempt to switch it off.
-
-    If the output is on, True is added to `was_on`, the memory that all attempts share. If the supply does not answer,
-    False is returned.
-    """
+    """Return whether the output is off and was off in every earlier attempt; if it is on, add True to `was_on`."""
     with suppress(InstrumentError):
         if supply.output_on():
             was_on.add(True)
@@ -327,20 +279,12 @@ def _find_off(supply: PowerSupply, was_on: set[bool]) -> bool:
 
 
 def _is_known_by_identity(ward: Ward) -> bool:
-    """Return whether a supply with the right identity is certainly the supply of the coil.
-
-    This is so if the identity contains a serial number, or if the supply is an emulated supply on a pseudo-terminal.
-    Without a serial number, another supply of the same type has the same identity. The result is also True if the run
-    has sent no identity, because every supply at the address is then accepted.
-    """
+    """Return whether a supply with the right identity is certainly the supply of the coil."""
     return ward.identity is None or bool(ward.identity[1]) or pseudo_terminal(ward.address) != ""
 
 
 def _stay() -> None:
-    """Do nothing when Windows closes the console or logs the user off, so that the guardian process keeps running.
-
-    The guardian process switches the coil off if the run dies, and therefore has to wait for the end of the run.
-    """
+    """Do nothing when Windows closes the console or logs the user off."""
 
 
 def _say(message: bytes) -> None:
@@ -349,23 +293,21 @@ def _say(message: bytes) -> None:
 
 
 def _print(event: Event) -> None:
-    """Print the sentence for an event (a record of what happened) on standard error."""
+    """Print the sentence for an event on standard error."""
     if not isinstance(event, GuardianTookOver):
         with suppress(OSError):  # the terminal may be gone with the run
             print(f"eimi guardian: {in_words(event)}", file=sys.stderr)
 
 
 def main(ward: str, events: str | None = None) -> None:
-    """Wait until a run ends or takes no step for too long, and switch the supply off if the coil may still be on.
-
-    This is the main function of the guardian process.
+    """Run the guardian process, which switches the coil off if the run dies or takes no step for too long.
 
     Parameters
     ----------
     ward : str
         The fields of a `Ward` (driver, address and limits of the supply) as JSON.
     events : str or None
-        Text by which this process finds the file descriptor for its events; None if no program reads the events.
+        Text that names the file descriptor for the events; None writes no events.
     """
     with never_blocking(), sending_events(_print, None if events is None else received(events)) as on_event:
         log_to_stderr(os.environ.get(VARIABLE, ""))

@@ -1,14 +1,7 @@
 """Predict the heat of the coil during a run, and refuse a protocol that would overheat the coil.
 
-The coil is modelled as one body with a constant resistance, which loses heat in proportion to its temperature rise. The
-temperature rise is then proportional to a quantity h, which this package calls the heat of the coil. Its unit is A²,
-and it satisfies
-
-    τ dh/dt = I² − h,
-
-where I is the current and τ the thermal time constant. The coil withstands the continuous current I₀ =
-continuous_current_A without a time limit; h then approaches I₀². A protocol is refused if h would exceed I₀². Every
-state (load step) is assumed to take its longest possible time.
+The heat h (A²) is proportional to the temperature rise: τ dh/dt = I² − h, with the current I and the thermal time
+constant τ of the coil. The allowed heat is I₀², with the continuous current I₀ that the coil withstands forever.
 """
 
 from __future__ import annotations
@@ -33,10 +26,9 @@ class Heating:
     Attributes
     ----------
     stage : str
-        The stage of the run in which the heat is largest, in words.
+        The stage of the run, in words.
     share : float
-        The largest heat divided by the allowed heat, which the continuous current (the current that the coil withstands
-        without a time limit) produces in the long run. A value above 1 means that the coil may become too hot.
+        The largest heat divided by the allowed heat; above 1 the coil may become too hot.
     """
 
     stage: str
@@ -44,9 +36,7 @@ class Heating:
 
 
 def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
-    """Return the largest heat of the coil in a run in which every stage takes its longest time.
-
-    During a ramp, the squared current is replaced by its mean over the ramp. Pauses are left out.
+    """Return the largest heat of the coil in a run in which every stage takes its longest time, without pauses.
 
     Parameters
     ----------
@@ -69,20 +59,7 @@ def hottest(protocol: Protocol, rating: CoilRating) -> Heating:
 
 
 def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
-    """Yield the stages of a run in their order, from which `hottest` computes the heat of the coil.
-
-    The stages are the load cycles before the states, the states (load steps), and the ring-downs, in which the current
-    steps to zero and the beam swings freely.
-
-    Yields
-    ------
-    stage : str
-        Description of the stage, for example "state 3 (1.5 A)".
-    current_A : float
-        Current in the stage, A.
-    held_s : float
-        Longest time for which the current is constant, s.
-    """
+    """Yield the description, the current (A) and the longest duration (s) of each stage of a run."""
     at_rest_s = protocol.settle.timeout_s + REACHED_WITHIN_S
     if rule := protocol.conditioning:
         for cycle in range(1, rule.cycles + 1):
@@ -102,10 +79,9 @@ def _stages(protocol: Protocol) -> Iterator[tuple[str, float, float]]:
 
 
 class Warming:
-    """The heat h (A²) of a coil during a run, computed from its current I and its thermal time constant τ.
+    """The heat h (A²) of a coil with the current I and the thermal time constant τ: τ dh/dt = I² − h.
 
-    The heat follows τ dh/dt = I² − h, and is proportional to the temperature rise. The coil is assumed to be cold at
-    the first call of `flows`.
+    The coil is cold at the first call of `flows`.
     """
 
     def __init__(self, rating: CoilRating) -> None:
@@ -114,7 +90,7 @@ class Warming:
         self._since_s: float | None = None
 
     def flows(self, now_s: float, current_A: float) -> None:
-        """Record the current (A) that now begins to flow; `now_s` (s) is the present time on a monotonic clock."""
+        """Record that the current `current_A` (A) flows from the time `now_s` (s on a monotonic clock) on."""
         self._heat_A2, self._since_s, self._current_A = self._heat(now_s), now_s, current_A
 
     def share(self, now_s: float) -> float:
@@ -128,11 +104,7 @@ class Warming:
 
 
 def refuse_overheating(protocol: Protocol, rating: CoilRating) -> None:
-    """Raise InputError if a protocol could overheat the coil.
-
-    The largest predicted heat of the coil in a run is compared with the heat at the continuous current (the current
-    that the coil withstands without a time limit).
-    """
+    """Raise InputError if a protocol could overheat the coil."""
     worst = hottest(protocol, rating)
     if worst.share > 1:
         raise InputError(

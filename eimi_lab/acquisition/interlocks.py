@@ -1,7 +1,4 @@
-"""Interlocks of a run: bounds of its readings.
-
-If a reading is outside its bounds or is missing, the run ends with the coil off.
-"""
+"""Check the bounds of the readings during a run. If a reading leaves its bounds or is missing, the run ends."""
 
 from __future__ import annotations
 
@@ -14,24 +11,21 @@ from eimi_lab.config.interlock import READINGS, Interlock
 
 
 class BeyondInterlock(InstrumentError):
-    """The error that is raised if a reading is missing or outside its bounds (its interlock in the rig file)."""
+    """The error that is raised if a reading is missing or outside its bounds in the rig file."""
 
 
 def readings_of(measured: Reading) -> dict[str, float]:
-    """Return the values that an interlock (bounds of a reading) can check, by their names in the rig file.
-
-    `measured` is a measurement of the supply, for example of its current (A).
-    """
+    """Return the values of a measurement of the supply by their names in the rig file."""
     return {name: reading(measured) for name, reading in READINGS.items()}
 
 
 class Interlocks:
-    """The interlocks of a rig (the instruments): bounds of readings. A reading outside its bounds ends the run.
+    """The bounds of the readings of a run. A reading outside its bounds ends the run.
 
     Parameters
     ----------
     rules : sequence of Interlock
-        The interlocks of the rig file.
+        The bounds in the rig file.
     on_event : callable
         Receives an `InterlockOpened` if a reading leaves its bounds or is missing.
     """
@@ -45,16 +39,13 @@ class Interlocks:
         return bool(self._rules)
 
     def hold(self, readings: Mapping[str, float]) -> bool:
-        """Return whether all given readings are within their bounds.
-
-        `readings` contains the values by name. A reading without a value counts as within its bounds.
-        """
+        """Return whether all readings (values by name) are within their bounds. A missing value counts as within."""
         return all(_is_within(rule, readings[rule.reading]) for rule in self._rules if rule.reading in readings)
 
     def check(self, readings: Mapping[str, float], now_s: float) -> None:
-        """Raise BeyondInterlock if a reading is outside its bounds, and record `now_s` as the time of these readings.
+        """Raise BeyondInterlock if a reading is outside its bounds, and record the time of the readings.
 
-        `readings` contains the values by name; `now_s` is the time on the clock of the run (s).
+        `readings` contains the values by name; `now_s` is their time on the clock of the run (s).
         """
         for rule in self._rules:
             if rule.reading in readings:
@@ -64,11 +55,9 @@ class Interlocks:
                     self._open(rule, value, None)
 
     def check_silence(self, now_s: float) -> None:
-        """Raise BeyondInterlock if a reading gave no new value for too long.
+        """Raise BeyondInterlock if a reading gave no new value for longer than `longest_silence_s`.
 
-        `now_s` is the present time on the clock of the run (s). The longest permitted time between two values is
-        `longest_silence_s` of the interlock (the bounds of the reading). The time before the first value is not
-        limited.
+        `now_s` is the present time on the clock of the run (s). The time before the first value is not limited.
         """
         for rule in self._rules:
             silent_s = now_s - self._came_s.get(rule.reading, now_s)
@@ -76,18 +65,11 @@ class Interlocks:
                 self._open(rule, None, silent_s)
 
     def restart(self) -> None:
-        """Forget when the values of the readings arrived, before the output is switched on again.
-
-        While the output is off, values may arrive late, and this is no reason to end the run. For each reading,
-        `check_silence` then counts the time from the next value.
-        """
+        """Let `check_silence` count the time of each reading from its next value, after the output was off."""
         self._came_s.clear()
 
     def refuse_to_begin(self, readings: Mapping[str, float]) -> None:
-        """Raise BeyondInterlock before a run begins, if a reading is outside its bounds or is missing.
-
-        `readings` contains the values by name.
-        """
+        """Raise BeyondInterlock before a run if one of the readings is missing or outside its bounds."""
         for rule in self._rules:
             value = readings.get(rule.reading)
             if value is None or not _is_within(rule, value):
@@ -107,7 +89,7 @@ class Interlocks:
 
 
 def _is_within(rule: Interlock, value: float) -> bool:
-    """Return whether a value is within an interlock (the bounds of a reading); NaN is outside every bound."""
+    """Return whether a value is within its bounds; NaN is outside."""
     if rule.minimum is not None and not value >= rule.minimum:
         return False
     return rule.maximum is None or value <= rule.maximum

@@ -15,7 +15,7 @@ from eimi_lab.acquisition.playback import Cue
 class Live:
     """The latest frame of a run, with the number of the present state (load step) and its set-point (A).
 
-    Before the first state, the number and the set-point are None.
+    Before the first state, number and set-point are None.
     """
 
     frame: Frame
@@ -27,7 +27,7 @@ Show = Callable[[Live], None]
 
 
 def show_nothing(live: Live) -> None:
-    """Do nothing with a frame. A run without a viewer has this function as its argument `show`."""
+    """Do nothing with a frame."""
 
 
 class WatchedCamera:
@@ -38,10 +38,9 @@ class WatchedCamera:
     camera : Camera
         Takes the frames.
     show : Show
-        Receives every frame. The thread of the run calls this function: it must return quickly, and an exception in it
-        ends the run.
+        Receives every frame; must return quickly.
     cue : Cue
-        Receives the number of the present state (load step), for a camera that plays a recording.
+        Receives the number of the present state (load step).
     """
 
     def __init__(self, camera: Camera, show: Show, cue: Cue) -> None:
@@ -78,7 +77,7 @@ class WatchedCamera:
     def newly_lost(self) -> Counter[str]:
         """Return the number of frames that the camera lost since the previous call, by the reason of the loss.
 
-        The driver of the camera gives the reasons. The result is empty if the camera does not count lost frames.
+        The result is empty if the camera does not count lost frames.
         """
         lost = Counter(getattr(self.watched, "lost_frames", {}))
         new, self._reported_lost = lost - self._reported_lost, lost

@@ -1,4 +1,4 @@
-"""Open the instruments of a rig (the instruments that a rig file lists) for one run, and close them after the run."""
+"""Open the instruments of a rig file for one run, and close them after the run."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ class Bench:
     truth : dict or None
         Material and geometry of a virtual (simulated) beam; None on a real bench.
     guardian : Guardian or None
-        Switches the supply off if the run dies; None for a simulated supply, which ends together with the run.
+        Switches the supply off if the run dies; None for a simulated supply.
     camera_settings : CameraSettings
-        Values that were read back from the camera after it was set up.
+        Settings that were read back from the camera.
     cue : Cue
-        Holds the number of the present state (load step) of the run, for a recording in place of a camera.
+        Number of the present state (load step), for a recording in place of a camera.
     interruption : Interruption
-        Supply and camera call its methods during long operations, so that a signal can interrupt these operations.
+        Lets a signal interrupt long operations of supply and camera.
     relay : callable or None
-        Swaps the leads of the coil by a relay; None if a person has to swap the leads.
+        Swaps the leads of the coil; None without a relay.
     sensors : tuple of OpenSensor
-        The sensors of the rig.
+        The sensors.
     """
 
     supply: PowerSupply
@@ -71,27 +71,26 @@ def open_bench(
     guardian_events: int | None = None,
     rate_Hz: float | None = None,
 ) -> Iterator[Bench]:
-    """Open the instruments of a rig for a run, and close them at the end of the context.
+    """Open the instruments of a rig file for a run, and close them at the end of the context.
 
-    The end of the context does not switch the supply off; use `switching_off` inside the context.
+    The supply is not switched off at the end; use `switching_off` inside the context.
 
     Parameters
     ----------
     rig : Rig
         The instruments, with their limits.
     specimen : SpecimenFile
-        The specimen. Only a virtual beam uses it.
+        The specimen, for a virtual beam.
     limits : SupplyLimits
-        Limits of the protocol. For each limit, the smaller value of rig and protocol applies.
+        Limits of the protocol. The smaller limit of rig and protocol applies.
     transcript : Path or None
-        New file that records every message to and from the supply. The supply of a virtual rig exchanges no messages.
+        New file for every message to and from a real supply.
     on_event : OnEvent or None
-        Receives a warning if the camera or a sensor cannot be closed. By default the warning is printed.
+        Receives a warning if an instrument cannot be closed; None prints the warning.
     guardian_events : int or None
-        File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
-        (records of what happened) as lines of JSON. The guardian always prints its events on standard error too.
+        File descriptor for the events of the guardian (the process that switches the coil off if the run dies).
     rate_Hz : float or None
-        Frame rate of the camera, Hz, if the rig file gives no frame rate.
+        Frame rate of the camera, Hz, if the rig file gives none.
 
     Yields
     ------

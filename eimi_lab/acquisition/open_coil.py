@@ -1,6 +1,6 @@
-"""Open the supply and the sensors of a rig, start the guardian process, and end all of them after use.
+"""Open the supply and the sensors of a rig file, start the guardian process, and end all of them after use.
 
-A rig is the set of instruments that a rig file lists. The guardian process switches the supply off if the run dies.
+The guardian process switches the supply off if the run dies.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ WITHOUT_INSTRUMENT = "`eimi instruments` shows more, and --rig virtual needs no 
 
 @dataclass(frozen=True)
 class CoilBench:
-    """The open supply of a coil, the clock, the guardian of the supply, and the open sensors of a rig file.
+    """The open supply of a coil, the clock, the guardian of the supply, and the open sensors.
 
-    The guardian is the process that switches the coil off if the run dies; None for a simulated supply, which ends
-    together with the run. `interruption` lets a signal such as Ctrl-C interrupt long operations of the supply.
+    The guardian is the process that switches the coil off if the run dies; None for a simulated supply. `interruption`
+    lets a signal interrupt long operations of the supply.
     """
 
     supply: PowerSupply
@@ -52,19 +52,18 @@ def open_coil(
     on_event: OnEvent | None = None,
     guardian_events: int | None = None,
 ) -> Iterator[CoilBench]:
-    """Open the supply and the sensors of a rig with real instruments, and close them at the end of the context.
+    """Open the real supply and sensors of a rig file, and close them at the end of the context.
 
     Parameters
     ----------
     rig : Rig
-        The instruments, with the limits that apply.
+        The instruments, with their limits.
     transcript : Path or None
-        New file that records every message to and from the supply.
+        New file for every message to and from the supply.
     on_event : OnEvent or None
-        Receives a warning if a sensor cannot be closed. By default the warning is printed.
+        Receives a warning if a sensor cannot be closed; None prints the warning.
     guardian_events : int or None
-        File descriptor to which the guardian (the process that switches the coil off if the run dies) writes its events
-        (records of what happened) as lines of JSON. None writes no events.
+        File descriptor for the events of the guardian (the process that switches the coil off if the run dies).
 
     Yields
     ------
@@ -108,16 +107,16 @@ def open_coil(
 def open_virtual_sensors(
     rig: Rig, supply: PowerSupply, field_mT: Callable[[], float], clock: Clock
 ) -> tuple[OpenSensor, ...]:
-    """Open and return the sensors of a virtual rig, whose instruments are simulated.
+    """Open and return the simulated sensors of a rig file.
 
     Parameters
     ----------
     rig : Rig
-        The rig file, which lists the sensors.
+        Contents of the rig file.
     supply : PowerSupply
-        The simulated supply. A sensor that uses the coil as a thermometer reads the current and voltage of this supply.
+        The simulated supply. Its current and voltage give the temperature of the coil.
     field_mT : callable
-        Returns the true magnetic field, mT, which every other sensor measures.
+        Returns the true magnetic field, mT, for the other sensors.
     clock : Clock
         The simulated clock.
     """
@@ -133,10 +132,7 @@ def open_virtual_sensors(
 
 
 def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
-    """Close a camera or a sensor, and send an error as a warning event to `on_event`.
-
-    The error does not end the run, because the coil is off and the states (load steps) are stored.
-    """
+    """Close a camera or a sensor, and send an error as a warning to `on_event`."""
     try:
         instrument.close()
     except InstrumentError as error:
@@ -144,10 +140,7 @@ def close_or_tell(instrument: Camera | Sensor, on_event: OnEvent) -> None:
 
 
 def attached() -> str:
-    """Return a text that lists the serial ports and cameras of this computer.
-
-    The text is part of the error message about an instrument that was not found.
-    """
+    """Return a text that lists the serial ports and cameras of this computer."""
     from eimi_drivers.discovery import list_cameras, list_serial_ports
 
     return (
@@ -157,11 +150,7 @@ def attached() -> str:
 
 
 def _addresses(search: Callable[[], Iterable[Found]]) -> str:
-    """Return a text with the addresses of the attached instruments that `search` finds, separated by commas.
-
-    `search` lists the serial ports or the cameras of this computer. If there are none, the text is "none". If the
-    operating system cannot list them, the text gives the reason.
-    """
+    """Return the addresses of the instruments that `search` finds, separated by commas; "none" if there are none."""
     try:
         return ", ".join(instrument.address for instrument in search()) or "none"
     except OSError as error:

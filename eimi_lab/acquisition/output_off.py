@@ -20,28 +20,25 @@ def begin_with_output_off(
 ) -> None:
     """Make sure that the output of the supply is off before a run begins.
 
-    If the output is on, switch it off if `take_over` is true, and otherwise refuse the supply with an error.
-
     Parameters
     ----------
     bench : Bench or CoilBench
         The open instruments.
     ramp : Ramp
-        Rate and step of the current's ramp to zero, before the output is switched off.
+        Rate and step of the ramp to zero current.
     take_over : bool
-        Whether an output that is on is switched off.
+        Whether an output that is on is switched off; otherwise InstrumentError is raised.
     simulated : bool
-        Whether the supply is simulated. If the output of a simulated supply is off, no current is measured.
+        Whether the supply is simulated.
     on_event : OnEvent
-        Receives the events (records of what happened) about switching the coil off.
+        Receives the events (records of what happened).
 
     Raises
     ------
     InstrumentError
-        If the output is on and `take_over` is false, or the supply fails.
+        If the output is on and `take_over` is false, or if the supply fails.
     SwitchOffFailed
-        If the output is off but the measured current is above the off limit (the largest current that counts as off),
-        or the coil could not be confirmed off.
+        If the coil could not be confirmed off, or a current is measured although the output is off.
     Stopped
         If a signal came while the output was switched off.
     """

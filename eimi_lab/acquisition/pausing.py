@@ -1,10 +1,4 @@
-"""Pause a run when a person types `p` and Enter on its terminal.
-
-The run pauses only between two states (load steps). If it paused within a state, it would have to measure this state
-again, and the coil would become warmer than predicted before the run. During the pause the coil is off, because a pause
-may last for any time and a person may work at the bench. After the pause, the current ramps through all previous states
-again, as in a resumed run. To interrupt a run within a state, a person presses Ctrl-C; --resume continues the run.
-"""
+"""Pause a run between two states (load steps), with the coil off, when a person types `p` and Enter."""
 
 from __future__ import annotations
 
@@ -19,19 +13,19 @@ LOOK_EVERY_S = 0.1
 
 
 def no_input() -> str | None:
-    """Return None: no line was typed. A run without a terminal has this function as its argument `typed`."""
+    """Return None: no line was typed."""
     return None
 
 
 class Pauses:
-    """The pauses of a run, which a person asks for and ends at the terminal.
+    """The pauses of a run, which a person begins and ends at the terminal.
 
     Parameters
     ----------
     typed : callable
         Returns the next line that a person typed; None if no line was typed.
     on_event : OnEvent
-        Receives the events (records of what happened) of the pause.
+        Receives the events (records of what happened).
 
     Attributes
     ----------
@@ -44,11 +38,9 @@ class Pauses:
         self.asked = False
 
     def heeded_by(self, stop_if_asked: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that checks for a request to pause, and then for a request to end the run.
+        """Return a function that checks for a request to pause, and then calls `stop_if_asked`.
 
-        The run calls the returned function in every step. If a person has typed `p` (a request to pause), the function
-        sets the attribute `asked` and sends the event `PauseRequested`; the run pauses later, between two states. In
-        every call, the function then calls `stop_if_asked`, which raises an exception if the run has to end.
+        After a request, the function sets `asked` and sends `PauseRequested`.
         """
 
         def move_on() -> None:
@@ -67,12 +59,11 @@ class Pauses:
         run : Stepping
             The run.
         state : int
-            Number of the next state (load step). The currents of all states before it are passed again.
+            Number of the next state (load step).
         stop_if_asked : callable
-            Called repeatedly during the pause. It raises an exception if the run has to stop.
+            Called repeatedly; raises an exception if the run has to stop.
         swap_leads : bool
-            Whether the person has to swap the leads of the coil in this pause. A line that was typed before the pause
-            is then ignored.
+            Whether the person has to swap the leads of the coil in this pause.
 
         Raises
         ------

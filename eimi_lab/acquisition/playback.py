@@ -1,8 +1,4 @@
-"""Play a recording (a video or a folder of pictures) in place of a camera.
-
-Each picture of the recording is used for a whole state (load step) or for one frame. The recording is played once or in
-a loop.
-"""
+"""Play a recording (a video or a folder of pictures) in place of a camera."""
 
 from __future__ import annotations
 
@@ -26,24 +22,20 @@ NOISE_FRAMES = 8
 
 @dataclass
 class Cue:
-    """The number of the present state (load step) of the run, for a camera that plays a recording.
-
-    A recording is a video or a folder of pictures.
-    """
+    """The number of the present state (load step) of the run, for a camera that plays a recording."""
 
     state: int = 0
 
 
 class PlayedCamera:
-    """A camera that plays a recording. Its frames are numbered from 1, across all repetitions of the recording.
+    """A camera that plays a recording (a video or a folder of pictures). Its frames are numbered from 1.
 
     Parameters
     ----------
     open_it : callable
         Opens the recording at its beginning.
     rule : Playback
-        How the recording is played: whether all frames of a state (load step) show one picture, and whether the
-        recording starts again at its end.
+        Whether all frames of a state (load step) show one picture, and whether the recording is repeated.
     cue : Cue
         Holds the number of the present state of the run.
     """
@@ -60,13 +52,12 @@ class PlayedCamera:
         return self._camera.identify()
 
     def flush(self) -> None:
-        """Do nothing, because a recording buffers no old frames."""
+        """Do nothing: a recording has no old frames."""
 
     def grab(self, timeout_s: float) -> Frame:
         """Return the next frame of the recording, or the picture of the present state (load step) again.
 
-        `timeout_s` is the longest wait for a frame, s. Raises EndOfPlayback at the end of a recording that is played
-        only once.
+        `timeout_s` is the longest wait for a frame, s. Raises EndOfPlayback at the end of the recording.
         """
         frame = self._held
         if not self._rule.picture_a_state:
@@ -98,8 +89,7 @@ class PlayedCamera:
 def describe_recording_length(protocol: Protocol, rig: Rig) -> str:
     """Return a sentence that compares the number of pictures in a recording with the number of pictures for a run.
 
-    A recording is a video or a folder of pictures that replaces the camera. The sentence is empty if the rig (the list
-    of instruments) has a real or virtual camera. Raises InputError if the recording is too short.
+    The sentence is empty if the rig file names another camera. Raises InputError if the recording is too short.
     """
     available = recording_length(str(rig.camera.source)) if rig.camera.driver == PLAYER else None
     if available is None:

@@ -1,7 +1,6 @@
 """Reverse the current in a coil whose supply cannot reverse it, by swapping the leads of the coil.
 
-The leads of the coil are swapped while no current flows. A person swaps the leads, or turns a switch, in a pause of the
-run. A bench with a relay that this program can switch needs no person. The virtual rig has such a relay.
+A person swaps the leads in a pause of the run, or a relay swaps them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from eimi_lab.config.rig import Rig
 
 
 def cannot_reverse(rig: Rig) -> bool:
-    """Return whether the supply in a rig file can only give currents of one sign, as every simulated supply.
+    """Return whether the supply in a rig file can give currents of only one sign.
 
     Raises InstrumentError for an unknown driver.
     """
@@ -27,8 +26,7 @@ def cannot_reverse(rig: Rig) -> bool:
 def swaps_leads(protocol: Protocol, rig: Rig) -> bool:
     """Return whether the leads of the coil have to be swapped during a run.
 
-    This is so if the protocol contains both signs of the current (`both_polarities`) and the supply cannot reverse its
-    current. Raises InstrumentError for an unknown driver.
+    Raises InstrumentError for an unknown driver.
     """
     return protocol.current.both_polarities and cannot_reverse(rig)
 
@@ -39,9 +37,9 @@ class Polarity:
     Parameters
     ----------
     pauses : Pauses or None
-        Pauses in which a person swaps the leads; None if no swap is necessary in this run.
+        Pauses in which a person swaps the leads; None if no swap is necessary.
     relay : callable or None
-        Swaps the leads without a person; None if there is no relay.
+        Swaps the leads without a person; None without a relay.
     """
 
     def __init__(self, pauses: Pauses | None, relay: Callable[[], None] | None) -> None:
@@ -50,8 +48,6 @@ class Polarity:
     def prepare(self, run: Stepping, state: int, stop_if_asked: Callable[[], None]) -> bool:
         """Swap the leads if a state (load step) needs the opposite current, then ramp through the earlier states again.
 
-        The states before `state` are passed again because the shape of a beam depends on its history of loads.
-
         Parameters
         ----------
         run : Stepping
@@ -59,7 +55,7 @@ class Polarity:
         state : int
             Number of the next state.
         stop_if_asked : callable
-            Called between the operations. It raises an exception if the run has to stop.
+            Called between the operations; raises an exception if the run has to stop.
 
         Returns
         -------

@@ -1,8 +1,4 @@
-"""Resume a run that ended early.
-
-The states (load steps) that the earlier part of the run stored are counted. The instruments and files of the earlier
-part are compared with the present instruments and files.
-"""
+"""Resume a run that ended early: check its instruments and files, and count its stored states (load steps)."""
 
 from __future__ import annotations
 
@@ -39,8 +35,7 @@ class UnfinishedRun:
 def refuse_taken(path: Path, force: bool) -> None:
     """Raise InputError if a new run must not write a dataset to `path`, for example because the file exists.
 
-    If the file is the dataset of an unfinished run, the message names the option --resume. If `force` is true, an
-    existing file is not refused.
+    If `force` is true, an existing file is not refused.
     """
     if path.is_file() and not force:
         with only_writer(path):  # raises an error for a run that is still writing
@@ -71,7 +66,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     header : Header
         Files and instruments of the present run.
     image : ndarray, shape (H, W) or (H, W, 3)
-        A frame of the present run, H by W pixels, grey or with three colour channels.
+        A frame of the present run, H by W pixels, grey or in three colours.
 
     Returns
     -------
@@ -81,8 +76,7 @@ def take_up(path: Path, header: Header, image: NDArray[Any]) -> UnfinishedRun:
     Raises
     ------
     InputError
-        If there is no such dataset, or if the files, instruments or frames of the present run differ from the files,
-        instruments or frames in the dataset. The message names the first difference.
+        If there is no such dataset, or if its files, instruments or frames differ from those of the present run.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file to resume; {BEGIN_ANEW}")
@@ -123,9 +117,6 @@ def _other_frames(dataset: Dataset, image: NDArray[Any]) -> str:
 
 
 def _elapsed_s(dataset: Dataset) -> float:
-    """Return the time (s) since the beginning of a run, by the clock of the computer.
-
-    A simulated run may be faster than this clock. If the last time in the dataset is later, it is returned instead.
-    """
+    """Return the time (s) since the beginning of a run, at least the last time in its dataset."""
     host_s = (datetime.now(UTC) - dataset.start_time()).total_seconds()
     return max(host_s, dataset.last_time_s())

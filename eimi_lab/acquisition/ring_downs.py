@@ -1,9 +1,6 @@
 """Set the current to zero in one step at the end of a run, and record every frame while the beam swings freely.
 
-A ramp would be slower than the beam and would suppress the oscillation of the beam. Another thread sets the current and
-watches the supply, because an exchange with the supply takes longer than a frame. The frames are compressed and written
-while the camera takes them (`eimi_lab.dataset.frame_stream`). Frames that wait to be written are held in a buffer of
-limited size.
+Another thread sets the current and watches the supply, because this takes longer than the time between two frames.
 """
 
 from __future__ import annotations
@@ -41,14 +38,13 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
     Parameters
     ----------
     run : Stepping
-        The run.
+        The run. It sends `RingDownStored` after each ring-down.
     rule : RingDown
         Duration, frame rate and number of the ring-downs.
     unfinished : ExitStack
-        Holds the recording in progress. If the run fails or is asked to stop, the caller closes this stack after the
-        coil is off. The frames taken so far are then stored.
+        Holds the recording in progress; the caller closes this stack after the coil is off.
     stop_if_asked : callable
-        Called before each frame. It raises an exception if the run has to stop.
+        Called before each frame; raises an exception if the run has to stop.
 
     Raises
     ------
@@ -58,10 +54,6 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
         If the frames cannot be stored.
     Stopped
         If a signal asked the run to stop.
-
-    Notes
-    -----
-    Sends `RingDownStored` after each ring-down.
     """
     stored = run.writer.ring_downs
     if stored is None:
@@ -83,10 +75,9 @@ def record_ring_downs(run: Stepping, rule: RingDown, unfinished: ExitStack, stop
 
 @contextmanager
 def _recording(run: Stepping, rule: RingDown, number: int, from_A: float) -> Iterator[_Recorded]:
-    """Yield an object that records one ring-down, in which the current steps to zero and the beam swings freely.
+    """Yield an object that records one ring-down (free swinging of the beam after a step of the current to zero).
 
-    At the end of the context, the frames are stored and `RingDownStored` is sent, also after an error. `number` is the
-    number of the ring-down, from 0, and `from_A` the current before the step, A.
+    At the end of the context, also after an error, the frames are stored. `from_A` is the current before the step, A.
     """
     failure: BaseException | None = None
     with run.writer.ring_down() as stream:
@@ -132,12 +123,9 @@ def _store(run: Stepping, rule: RingDown, number: int, from_A: float, recorded: 
 
 
 class _Recorded:
-    """The recording of one ring-down, while it is made: the step of the current to zero, and the frames.
+    """The recording of one ring-down (free swinging of the beam): the step of the current to zero, and the frames.
 
-    In a ring-down, the beam swings freely.
-
-    `frames` contains each frame with its time of arrival, s. The images are written to the file at once and are not
-    kept in memory.
+    `frames` contains each frame with its time of arrival, s.
     """
 
     def __init__(self, run: Stepping, rule: RingDown, stream: FrameStream) -> None:
@@ -187,10 +175,8 @@ class _Recorded:
 def frame_times(arrived_s: Sequence[float], stamped_s: Sequence[float]) -> list[float]:
     """Return the times of frames (s) on the clock of the run.
 
-    The differences between the time stamps of the camera are exact. The times of arrival contain different delays. The
-    time stamps are therefore shifted to the clock of the run so that the frame with the shortest delay keeps its time
-    of arrival. The times of arrival are returned if the camera has no clock that agrees with the clock of the run, for
-    example for a recording or without time stamps.
+    The time stamps of the camera are shifted so that the frame with the shortest delay keeps its time of arrival.
+    Without usable time stamps, the times of arrival are returned.
 
     Parameters
     ----------
@@ -202,7 +188,7 @@ def frame_times(arrived_s: Sequence[float], stamped_s: Sequence[float]) -> list[
     Returns
     -------
     list of float
-        The time of each frame on the clock of the run, s.
+        The time of each frame, s.
 
     Examples
     --------

@@ -62,8 +62,7 @@ def check_request(protocol: Protocol, specimen: SpecimenFile, rig: Rig) -> None:
     Raises
     ------
     InputError
-        If the three files do not fit together. Examples are another material, a current above a limit or of the wrong
-        sign, or too much heat in the coil.
+        If the three files do not fit together, for example because a current is above a limit.
     InstrumentError
         If the driver of the supply is not known or cannot be imported.
     """
@@ -126,8 +125,7 @@ def acquire(
 ) -> Path:
     """Run a protocol on an open bench, and store its states (load steps) in a dataset.
 
-    The coil is off at the end of the run, also after an error. The states that were stored before the error stay in the
-    dataset.
+    The coil is off at the end, also after an error. The stored states stay in the dataset.
 
     Parameters
     ----------
@@ -138,27 +136,24 @@ def acquire(
     path : Path
         The dataset to write.
     on_event : OnEvent
-        Receives the events (records of what happened) of the run.
+        Receives the events (records of what happened).
     force : bool
         Whether an existing dataset is replaced.
     resume : bool
         Whether the run in the dataset `path` is continued.
     take_over : bool
-        Whether an output that is on before the run is switched off. If `take_over` is false and the output is on, the
-        run is refused.
+        Whether an output that is on before the run is switched off; otherwise such a run is refused.
     note : str
-        A remark of the person, which is stored in the dataset.
+        A remark of the person, for the dataset.
     show : Show
-        Receives every frame of the camera during the run, for a live view.
+        Receives every frame of the camera, for a live view.
     typed : callable
-        Returns the next line that a person typed on the terminal; None if no line was typed. A line asks for a pause or
-        ends a pause.
+        Returns the next line that a person typed to begin or end a pause; None if no line was typed.
 
     Returns
     -------
     Path
-        The path of the dataset. This is `path`, or a copy beside it if `path` was deleted, moved or replaced during the
-        run.
+        The path of the dataset: `path`, or a copy beside it if `path` was deleted, moved or replaced meanwhile.
 
     Raises
     ------
@@ -260,12 +255,9 @@ def acquire(
 
 @dataclass
 class _Ending:
-    """What the last event of a run reports. An event is a record of one thing that happened in a run.
+    """The data for the last event of a run: dataset, numbers of states (load steps), and how the coil was found off.
 
-    `path` is the path of the dataset, `states` the number of states (load steps) in the protocol, and `stored` the
-    number of states in the dataset. `writer` is None until the dataset is open for writing. From then on, path and
-    number come from the writer, and the fields `path` and `stored` are ignored. `off` is the last event that confirmed
-    the coil off.
+    The fields `path` and `stored` are used only until the dataset is open.
     """
 
     path: Path
@@ -275,7 +267,6 @@ class _Ending:
     off: OffConfirmed | None = None
 
     def event(self, status: Literal["completed", "stopped", "failed"], reason: str = "") -> RunEnded:
-        """Return the last event (record) of the run, with the number of states (load steps) in the dataset."""
         path, stored = (self.writer.path, self.writer.stored) if self.writer else (self.path, self.stored)
         return RunEnded(status=status, reason=reason, stored=stored, states=self.states, dataset=str(path))
 
@@ -302,9 +293,7 @@ def _run_begun(
 def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEvent) -> Iterator[OnEvent]:
     """Send the first and the last event of a run, and yield a function that sends the events between them.
 
-    An event is a record of one thing that happened. All events go to the log and to the function `on_event`. The event
-    `begun` is sent first. At the end of the context, `ending` gives the last event. After an error, a `Fault` is sent
-    before the last event.
+    After an error, a `Fault` is sent before the last event.
     """
 
     def send(event: Event) -> None:
@@ -329,12 +318,7 @@ def _with_first_and_last_event(begun: RunBegun, ending: _Ending, on_event: OnEve
 def _step_through(
     run: Stepping, first: int, interruption: Interruption, pauses: Pauses, polarity: Polarity, ending: _Ending
 ) -> None:
-    """Switch the output on, carry out the run from state (load step) number `first` on, and switch the output off.
-
-    The run consists of load cycles (conditioning), the states, and the ring-downs: free oscillations after a step of
-    the current to zero. A resumed run begins with `first` > 0 and has no load cycles, because they were applied before
-    the interruption.
-    """
+    """Switch the output on, carry out the run from state (load step) number `first` on, and switch the output off."""
     protocol, states = run.protocol, len(run.protocol.currents_A)
     try:
         with (

@@ -16,7 +16,7 @@ TRIED_AGAIN_AFTER_S = 2.0
 
 
 def _ignore(message: str) -> None:
-    """Do nothing with a warning. A caller that needs no warnings passes this function as the argument `warn`."""
+    """Do nothing with a warning."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> Coil
     rule : RigSensor
         Table of the sensor in the rig file, with the temperature (°C) and the current (A) of the measurement at rest.
     supply : PowerSupply
-        The supply of the coil. Its measured voltage and current give the resistance.
+        Measures the voltage and the current of the coil.
     clock : Clock
         Clock of the run.
     """
@@ -45,10 +45,7 @@ def coil_thermometer(rule: RigSensor, supply: PowerSupply, clock: Clock) -> Coil
 
 
 class Sensing:
-    """The sensors of a bench, which are read together.
-
-    A sensor that fails is left out of the results until the sensor answers again. The user receives one warning about
-    this sensor.
+    """The sensors of a bench, which are read together. The user receives one warning about a sensor that fails.
 
     Parameters
     ----------
@@ -59,8 +56,7 @@ class Sensing:
     warn : callable
         Receives a warning for the user, as text.
     beat : callable
-        Called before each sensor is read. The function reports to the guardian process (which switches the coil off if
-        the run dies) that the run is alive, because several sensors without an answer can take long.
+        Called before each sensor is read, to report that the run is alive.
     """
 
     def __init__(
@@ -86,7 +82,7 @@ class Sensing:
         Raises
         ------
         InstrumentError
-            If a sensor does not answer, or if the unit of its readings is not the unit of its quantity.
+            If a sensor does not answer or reads in a wrong unit.
         """
         identities, logged = [], []
         for each in self._sensors:
@@ -114,15 +110,12 @@ class Sensing:
     def measure_at_rest(self, coil: Coil, stop_if_asked: Callable[[], None]) -> None:
         """Measure the resistance of the cold coil, if a sensor uses the coil as a thermometer.
 
-        The output of the supply has to be on. The current is zero before and after the call.
-
         Parameters
         ----------
         coil : Coil
-            The coil. Its current is ramped to a small current, which the rig file gives for the sensor, and back to
-            zero.
+            The coil, with the output on and no current. It is ramped to a small current and back to zero.
         stop_if_asked : callable
-            Called between the operations. It raises an exception if the run has to stop.
+            Called between the operations; raises an exception if the run has to stop.
 
         Raises
         ------
@@ -139,7 +132,7 @@ class Sensing:
                 coil.ramp_to(0.0, stop_if_asked)
 
     def values(self) -> dict[str, float]:
-        """Read all sensors, and return the values in the units of the sensors, by the name of the sensor.
+        """Read all sensors, and return the values by the name of the sensor, in the unit of each sensor.
 
         A sensor that does not answer is left out.
         """
@@ -148,7 +141,7 @@ class Sensing:
     def read(self) -> dict[str, SensorReading]:
         """Read all sensors, and return the readings (value, uncertainty and time) by the name of the sensor.
 
-        A sensor that does not answer is left out, and the user gets one warning about it.
+        A sensor that does not answer is left out.
         """
         readings = {}
         for each in self._sensors:

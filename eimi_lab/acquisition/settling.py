@@ -1,9 +1,4 @@
-"""Wait until the beam is at rest, which means that consecutive frames differ only by the noise of the camera.
-
-The difference ratio of two frames is their mean squared difference divided by the mean squared difference that the
-noise alone causes (`eimi_lab.vision.settling_statistic`). The ratio is about 1 for a beam at rest. The noise is
-measured before the run, with the coil off.
-"""
+"""Wait until the beam is at rest, which means that consecutive frames differ only by the noise of the camera."""
 
 from __future__ import annotations
 
@@ -29,19 +24,19 @@ GRAB_TIMEOUT_S = 5.0
 class Settling:
     """The result of a wait for the beam to come to rest.
 
+    The difference ratio of two frames is their mean squared difference divided by the part due to noise.
+
     Attributes
     ----------
     ratio : float
-        Difference ratio of the last two consecutive frames: their mean squared difference, divided by the mean squared
-        difference due to noise. If the beam did not come to rest, the largest such ratio among the last pairs of
-        consecutive frames; the key settle.pairs of the protocol gives the number of pairs.
+        Difference ratio of the last two frames; if the beam still moved, the largest ratio of the last `settle.pairs`
+        pairs of consecutive frames.
     drift_ratio : float
-        Last difference ratio of two frames between which the time settle.drift_window_s (a key of the protocol) passed;
-        infinite if no such ratio was computed.
+        Last difference ratio of two frames `settle.drift_window_s` apart; infinite if none was computed.
     waited_s : float
         Duration of the wait, s.
     flags : tuple of Flag
-        Empty if the beam came to rest; otherwise the flag (failed quality check) NOT_SETTLED.
+        Empty if the beam came to rest; otherwise NOT_SETTLED.
     """
 
     ratio: float
@@ -51,7 +46,7 @@ class Settling:
 
 
 def ignore_frame(frame: Frame, at_s: float) -> None:
-    """Do nothing with a frame. A caller that needs no frames passes this function as the argument `see`."""
+    """Do nothing with a frame."""
 
 
 def wait_until_settled(
@@ -65,15 +60,9 @@ def wait_until_settled(
 ) -> Settling:
     """Take frames until the beam is at rest or `rule.timeout_s` has passed. Raises the errors of `Camera.grab`.
 
-    The difference ratio of two frames is their mean squared difference divided by the mean squared difference due to
-    noise. A ratio is small if it is at most `rule.noise_ratio`. The beam is at rest if two conditions are fulfilled.
-    First, the difference ratio of consecutive frames was small for `rule.pairs` pairs in a row. Second, the difference
-    ratio of two frames `rule.drift_window_s` apart is small; this condition detects creep. A frame that equals the
-    previous frame including its noise is a repetition by the camera and is not counted.
-
-    The ratio is computed only in a band of pixels along the edges of the beam. If the beam has left this band, the
-    ratio is small although the beam still moves. Before a small ratio is accepted, the band is therefore found again.
-    It is not found again in every frame, because this takes much time.
+    The difference ratio of two frames is their mean squared difference divided by the part due to noise; it is small if
+    it is at most `rule.noise_ratio`. The beam is at rest if the ratio is small for `rule.pairs` pairs of consecutive
+    frames in a row, and for two frames `rule.drift_window_s` apart. Only pixels near the edges of the beam count.
 
     Parameters
     ----------
@@ -82,13 +71,13 @@ def wait_until_settled(
     clock : Clock
         Measures the time.
     rule : Settle
-        Table [settle] of the protocol, with the limits of the ratio and of the times.
+        Table [settle] of the protocol, with the limits.
     noise : Noise
         Noise of the camera.
     stop_if_asked : callable
-        Called before and after each frame. It raises an exception if the run has to stop.
+        Called before and after each frame; raises an exception if the run has to stop.
     see : callable
-        Receives every new frame and its time on the clock (s).
+        Receives every new frame and its time (s).
     not_before_s : float
         Time on the clock (s) before which the wait does not end.
 

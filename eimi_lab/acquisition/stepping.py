@@ -32,9 +32,9 @@ MISSING = "missing_frames"
 class Stepping:
     """A run in progress: its files, its open instruments, its writer and its clock.
 
-    `noise` is the noise of the camera. `began_s` is the time on the clock (s) at which the run began; for a resumed
-    run, the time at which its first part began. `on_event` receives the events (records of what happened). `guardian`
-    is the connection to the process that switches the coil off if the run dies; None for a simulated supply.
+    `noise` is the noise of the camera. `began_s` is the time on the clock (s) at which the run, or the first part of a
+    resumed run, began. `on_event` receives the events (records of what happened). `guardian` is the connection to the
+    process that switches the coil off if the run dies; None for a simulated supply.
     """
 
     protocol: Protocol
@@ -53,9 +53,7 @@ class Stepping:
     def go_back_to(self, state: int, stop_if_asked: Callable[[], None]) -> None:
         """Ramp through the currents of all states (load steps) before number `state`, without taking frames.
 
-        The shape of the beam depends on its history of loads, which is then the same as before the interruption. While
-        the leads of the coil are swapped, only the negative currents of these states are passed, because the supply
-        cannot give positive currents then.
+        While the leads of the coil are swapped, only the negative currents are passed.
         """
         for current_A in self.protocol.currents_A[:state]:
             if current_A < 0 or not self.coil.leads_swapped:
@@ -64,8 +62,8 @@ class Stepping:
     def report_lost_frames(self, state: int | None) -> int:
         """Return the number of frames that the camera lost since the previous call.
 
-        Send the event `FramesLost` if this number is not zero. `state` is the number of the present state (load step)
-        for the event; None before, between and after the states.
+        Send `FramesLost` if the number is not zero. `state` is the number of the present state (load step), if there is
+        one.
         """
         reasons = self.camera.newly_lost()
         if reasons:
@@ -80,7 +78,7 @@ class Stepping:
         state : int
             Number of the state, from 0.
         stop_if_asked : callable
-            Called between the operations. It raises an exception if the run has to stop.
+            Called between the operations; raises an exception if the run has to stop.
 
         Raises
         ------
@@ -148,14 +146,12 @@ class Stepping:
     def store(self, recording: str, belongs_to: Sequence[int], moments: Sequence[Moment]) -> None:
         """Store frames that were taken outside the states (load steps) of the run. Raises StorageFailed.
 
-        The frames of the load cycles before the first state are an example.
-
         Parameters
         ----------
         recording : str
             Name under which the dataset stores the frames.
         belongs_to : sequence of int
-            For each frame, the number of the state or load cycle to which it belongs.
+            Number of the state or load cycle of each frame.
         moments : sequence of Moment
             The frames with their times.
         """
@@ -163,10 +159,7 @@ class Stepping:
             self.writer.append_recording(recording, belongs_to, self._on_the_run(moments))
 
     def new_set_points(self) -> list[SetPoint]:
-        """Return the set-points that were sent since the previous call of this method.
-
-        The times of the set-points count from the beginning of the run.
-        """
+        """Return the set-points that were sent since the previous call, with times from the beginning of the run."""
         return [replace(point, time_s=point.time_s - self.began_s) for point in self.coil.new_set_points()]
 
     def _on_the_run(self, moments: Sequence[Moment]) -> list[Moment]:
@@ -174,10 +167,7 @@ class Stepping:
 
 
 def _with_lost_frames(flags: tuple[Flag, ...], lost: int) -> tuple[Flag, ...]:
-    """Return the flags (failed checks) of a load step, with the flag DROPPED if the camera lost frames meanwhile.
-
-    `lost` is the number of lost frames, including frames lost while the beam settled.
-    """
+    """Return the flags (failed checks) of a load step, with DROPPED if the camera lost frames."""
     if not lost:
         return flags
     (dropped,) = judge({MISSING: lost})

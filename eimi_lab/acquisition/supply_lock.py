@@ -1,8 +1,4 @@
-"""Allow only one run at a time for each supply.
-
-The operating system lets only one run open a serial port. A supply in a network accepts several connections, so that
-two runs could change the current of the same supply in turn.
-"""
+"""Allow only one run at a time for each supply."""
 
 from __future__ import annotations
 
@@ -21,10 +17,9 @@ from eimi_lab.process.writer_lock import WriterLock
 
 @contextmanager
 def only_run_on(address: str) -> Iterator[None]:
-    """Exclude other runs from the supply at an address until the context ends.
+    """Exclude other runs of the same user on this computer from the supply at an address, until the context ends.
 
-    The operating system releases the lock if the process dies. All outputs (channels) of one supply share one lock. The
-    lock excludes only runs of the same user on the same computer.
+    All outputs (channels) of one supply share one lock.
 
     Raises
     ------

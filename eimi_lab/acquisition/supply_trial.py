@@ -32,11 +32,11 @@ class TrialStep:
     Parameters
     ----------
     check : str
-        Description of the property of the supply that the step checked.
+        The property of the supply that the step checked.
     passed : bool
-        Whether the step passed. After a step that failed, the output is switched off and the trial ends.
+        Whether the step passed; the trial ends after a step that failed.
     outcome : str
-        The measured values or the answer of the supply, in words; after a failure, the error message.
+        The measured values or the answer of the supply, in words, or the error message.
     """
 
     check: str
@@ -55,7 +55,7 @@ class SupplyTrial:
     identity : Identity or None
         Identity of the supply; None if the supply did not identify itself.
     steps : list of TrialStep
-        The steps in the order in which they were carried out.
+        The steps in their order.
     """
 
     driver: str
@@ -70,25 +70,24 @@ class SupplyTrial:
 
 
 class _Failed(Exception):
-    """The error that is raised if a step in the trial of a supply fails. The trial then ends."""
+    """The error that is raised if a step in the trial of a supply fails."""
 
 
 def try_supply(
     driver: str, address: str, transcript: Path, before_switching_on: Callable[[], None] = lambda: None
 ) -> SupplyTrial:
-    """Try a driver on a supply with nothing connected to its output.
+    """Try a driver on a supply with nothing connected to its output, which is on at 1 V for some seconds.
 
-    The output is on at 1 V for some seconds. If this process ends while the output is on, a second process, the
-    guardian, switches the output off.
+    If this process ends while the output is on, a second process switches the output off.
 
     Parameters
     ----------
     driver, address : str
         The driver and the address, as in `[supply]` of a rig file.
     transcript : Path
-        New file that records every message to and from the supply.
+        New file for every message to and from the supply.
     before_switching_on : callable
-        Called before the output is switched on. The function asks a person to look at the front panel.
+        Called before the output is switched on.
 
     Returns
     -------
@@ -137,10 +136,7 @@ def _identified(trial: SupplyTrial) -> Identity:
 
 
 def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
-    """Carry out the first steps of the trial of a supply, in which its output is off. Raises _Failed if a step fails.
-
-    The trial tests the driver of the supply on the real supply, with nothing connected to the output.
-    """
+    """Carry out the steps of the trial with the output off. Raises _Failed if a step fails."""
 
     def identifies() -> str:
         trial.identity = supply.identify()
@@ -173,10 +169,7 @@ def _begin(trial: SupplyTrial, supply: PowerSupply) -> None:
 
 
 def _use(trial: SupplyTrial, supply: PowerSupply, guardian: Guardian, clock: Clock) -> None:
-    """Carry out the steps of the trial of a supply in which its output is on. Raises _Failed if a step fails.
-
-    The trial tests the driver of the supply on the real supply, with nothing connected to the output.
-    """
+    """Carry out the steps of the trial with the output on. Raises _Failed if a step fails."""
 
     def set_points() -> str:
         supply.set_voltage(VOLTAGE_V)
@@ -237,10 +230,7 @@ def _switched_off_after(trial: SupplyTrial, supply: PowerSupply, guardian: Guard
 
 
 def _measure_zero(trial: SupplyTrial, supply: PowerSupply, clock: Clock) -> None:
-    """Carry out the step that reads the ammeter of the supply while no current flows, which shows its zero error.
-
-    Raises _Failed if the step fails.
-    """
+    """Read the current that the supply measures while no current flows. Raises _Failed if the step fails."""
 
     def shows() -> str:
         readings_A = []

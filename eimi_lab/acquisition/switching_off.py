@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 class _InHaste(Exception):
-    """The error that ends the ramp of the current to zero, between two steps, after a second signal (Ctrl-C again)."""
+    """The error that ends the ramp of the current to zero after a second signal (Ctrl-C again)."""
 
 
 class _SignalsHeeded:
@@ -57,11 +57,7 @@ class _SignalsHeeded:
         self._fault: InstrumentError | None = None
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Store the number of a signal; the run reacts to it later. This is the handler of the signals.
-
-        The time limit of the ramp to zero current counts from this call. Ctrl-Z is also stored, but does not end the
-        run: `move_on` reports that the suspension is refused.
-        """
+        """Store a signal, and start the time limit for the ramp to zero current. This is the handler of the signals."""
         if number == SUSPEND:
             self._suspended = True
         else:
@@ -69,11 +65,7 @@ class _SignalsHeeded:
             self._coil.count_the_end()
 
     def move_on(self) -> None:
-        """Tell the guardian process that the run is alive; if Ctrl-Z was pressed, report that suspension is refused.
-
-        The run calls this method repeatedly. Without such calls, the guardian process takes the run for dead and
-        switches the coil off.
-        """
+        """Tell the guardian process that the run is alive; if Ctrl-Z was pressed, report that suspension is refused."""
         if self._guardian:
             self._guardian.beat()
         if self._suspended:
@@ -81,11 +73,7 @@ class _SignalsHeeded:
             self._on_event(SuspendRefused())
 
     def stop_if_asked(self) -> None:
-        """Raise Stopped or InstrumentError if the run has to stop.
-
-        The reason is a signal, a missing guardian process (which switches the coil off if the run dies), a fault of the
-        supply or a wrong current.
-        """
+        """Raise an error after a signal, a fault of the supply, a wrong current, or the end of the guardian process."""
         self.move_on()
         self._refuse_a_gap()
         raise_if_asked()
@@ -106,9 +94,7 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
-        """Raise StoodStill if the computer slept or the process was stopped.
-
-        The ramp of the current to zero is then left out, because the bench may have changed in the meantime.
+        """Raise StoodStill, and leave out the ramp to zero current, if the computer slept or the process was stopped.
         """
         if self._guardian:
             try:
@@ -118,21 +104,15 @@ class _SignalsHeeded:
                 raise
 
     def go_on_down(self) -> None:
-        """End the ramp of the current to zero early, by raising _InHaste, if a second signal has come.
-
-        The ramp calls this method between its steps. The call also tells the guardian process (which switches the coil
-        off if the run dies) that the run is alive.
-        """
+        """Tell the guardian process that the run is alive; after a second signal, raise _InHaste to end the ramp."""
         self.move_on()
         if len(self._noted) > 1:
             raise _InHaste
 
     def leave_in_haste(self) -> None:
-        """Interrupt an exchange with the supply if a second signal, such as Ctrl-C, has come.
+        """Raise Stopped after a second signal, or StoodStill if the computer slept or the process was stopped.
 
-        The method then raises Stopped. It raises StoodStill if the computer slept or the process was stopped. The
-        supply calls this method between two messages. A signal has an effect only in the main thread. After the coil
-        was switched off, the method does nothing.
+        The supply calls the method between two messages. After the coil was switched off, the method does nothing.
         """
         if not self._off:
             self._refuse_a_gap()
@@ -140,11 +120,7 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def switch_off_in_haste(self) -> None:
-        """Switch the coil off at once, if a second signal to stop has come or the current is wrong. Raises nothing.
-
-        The writer of the dataset calls this method while it stores a state (load step). The coil is switched off at
-        most once.
-        """
+        """Switch the coil off, at most once, if a second signal has come or the current is wrong. Raises nothing."""
         if not self._off and (len(self._noted) > 1 or self._current_is_wrong()):
             self._off = True
             _log.info(
@@ -182,20 +158,10 @@ def switching_off(
 ) -> Iterator[Callable[[], None]]:
     """Ramp the coil down and switch it off at the end of the context, also after an error or a signal.
 
-    The context yields a function, which the run calls in every step. The function reports to the guardian (the process
-    that switches the coil off if the run dies) that the run is alive, and watches the supply. It raises Stopped if a
-    signal has come. It raises InstrumentError if the guardian is gone, the supply reports a fault or the current is
-    wrong.
-
-    The guardian is armed (charged to switch the coil off) when the context begins. The guardian is disarmed only after
-    the supply was confirmed off.
-
-    The handler of a signal only stores the number and the time of the signal. The run reacts between two operations, so
-    that no exchange with an instrument and no write to a file is interrupted. After a second signal the ramp down is
-    left out, and operations that support `interruption` end early. Ctrl-Z is refused, because a suspended run would
-    leave the coil on. At the end, the previous handlers are set again.
-
-    Python delivers signals only to the main thread. In another thread, the context installs no signal handlers.
+    The context yields a function, which the run calls in every step. The function raises Stopped after a signal, and
+    InstrumentError if the guardian (the process that switches the coil off if the run dies) is gone, the supply reports
+    a fault or the current is wrong. After a second signal there is no ramp. Ctrl-Z is refused. Signals are handled only
+    in the main thread.
 
     Parameters
     ----------
@@ -204,10 +170,9 @@ def switching_off(
     guardian : Guardian or None
         The connection to the guardian; None for a simulated supply.
     interruption : Interruption or None
-        Lets a signal end long operations early. The instruments and the writer of the dataset call its methods during
-        such operations.
+        Lets a signal end long operations early.
     on_event : OnEvent
-        Receives the events (records of what happened) of signals and of switching off.
+        Receives the events (records of what happened).
 
     Raises
     ------
@@ -257,12 +222,11 @@ def ramp_down_and_switch_off(
     coil : Coil
         The coil.
     guardian : Guardian or None
-        The process that switches the coil off if the run dies. It is disarmed after the coil was confirmed off. None
-        for a simulated supply.
+        The process that switches the coil off if the run dies; None for a simulated supply.
     go_on_down : callable
-        Called between the steps of the ramp. An exception in this function ends the ramp early.
+        Called between the steps of the ramp. An exception ends the ramp early.
     on_event : OnEvent
-        Receives the events (records of what happened) about switching the coil off.
+        Receives the events (records of what happened).
 
     Raises
     ------
@@ -289,17 +253,7 @@ def ramp_down_and_switch_off(
 def _off(coil: Coil, guardian: Guardian | None, on_event: OnEvent, failed: str = "") -> None:
     """Switch the coil off, send the result as an event, and disarm the guardian process.
 
-    Parameters
-    ----------
-    coil : Coil
-        The coil.
-    guardian : Guardian or None
-        The guardian process, which switches the coil off if the run dies. If the coil could not be confirmed off, the
-        guardian is armed and continues to try.
-    on_event : OnEvent
-        Receives the events.
-    failed : str
-        Why the ramp to zero current failed, in words; empty if it did not fail.
+    If the coil could not be confirmed off, the guardian process continues to try. `failed` tells why the ramp failed.
     """
     if guardian:
         guardian.allow(OFF_WITHIN_S)

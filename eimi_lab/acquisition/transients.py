@@ -10,12 +10,9 @@ SHORTEST_S = 1e-3  # smallest time between a set-point and a frame
 
 
 class Transient:
-    """The frames of a state (load step) that are kept while the beam settles or creeps: at most `budget` frames.
+    """The frames of a state (load step) that are kept while the beam settles or creeps.
 
-    Creep proceeds with the logarithm of time. The intervals between the kept frames therefore increase: the times since
-    the last change of the current form a geometric series. After every kept frame, the series is computed again for the
-    remaining frames and the remaining time. Therefore `budget` frames are kept even if the camera is too slow for the
-    first intervals.
+    The times of the kept frames since the last change of the current form a geometric series.
 
     Parameters
     ----------
@@ -38,7 +35,7 @@ class Transient:
         self._last_s = self._next_s = 0.0
 
     def see(self, frame: Frame, at_s: float) -> None:
-        """Add a new frame to `moments` if enough time has passed since the last kept frame; otherwise ignore it.
+        """Add a new frame to `moments` if enough time has passed since the last kept frame.
 
         `at_s` is the time of the frame on the clock of the run, s.
         """
@@ -48,4 +45,6 @@ class Transient:
         if self._left and elapsed_s >= self._next_s:
             self.moments.append(Moment(frame, at_s, elapsed_s, self._coil.asked_A))
             self._left -= 1
+            # Creep proceeds with the logarithm of time. The series begins again at each frame, so that a slow camera
+            # does not reduce the number of kept frames.
             self._next_s = elapsed_s * (self._last_s / elapsed_s) ** (1 / (self._left + 1))

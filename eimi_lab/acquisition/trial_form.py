@@ -31,7 +31,7 @@ FORM = """# Tried on: {unit}
 
 
 def trial_form(trial: SupplyTrial, who: str, panel: str, transcript: Path) -> str:
-    """Return the filled form for the trial of a supply.
+    """Return the filled form for the trial of a supply, in Markdown.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def trial_form(trial: SupplyTrial, who: str, panel: str, transcript: Path) -> st
     who : str
         The person and the laboratory.
     panel : str
-        What the front panel showed, in the person's words.
+        What the front panel showed, in words.
     transcript : Path
-        The file with the messages to and from the supply. The form contains only the name of this file.
+        The file with the messages to and from the supply.
 
     Returns
     -------
     str
-        The form in Markdown.
+        The form.
     """
     text = trial.identity.text if trial.identity else ""
     maker, model, _, firmware = ([part.strip() for part in text.split(",", 3)] + [""] * 4)[:4]
@@ -73,10 +73,7 @@ def _cell(text: str) -> str:
 
 
 def _kind_of_line(address: str) -> str:
-    """Return the kind of the line to the supply, such as "serial line".
-
-    The address itself is left out, because no other laboratory needs it.
-    """
+    """Return the kind of the line to the supply, such as "serial line", without its address."""
     upper = address.upper()
     kinds = {"GPIB": "GPIB", "USB0": "USB (VISA)", "SOCKET": "TCP socket", "HISLIP": "HiSLIP", "TCPIP": "VXI-11"}
     return next((words for part, words in kinds.items() if part in upper), "serial line")
