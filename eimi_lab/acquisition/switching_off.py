@@ -94,8 +94,7 @@ class _SignalsHeeded:
             raise Stopped(self._noted[0])
 
     def _refuse_a_gap(self) -> None:
-        """Raise StoodStill, and leave out the ramp to zero current, if the computer slept or the process was stopped.
-        """
+        """Raise StoodStill, and leave out the ramp to zero current, if the computer slept or the process stopped."""
         if self._guardian:
             try:
                 self._guardian.refuse_a_gap()

@@ -1,4 +1,4 @@
-"""Keep the computer awake, if its operating system supports this, and notice that the computer slept."""
+"""Keep the computer awake, if its operating system supports this, and measure time while the computer sleeps."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _CONTINUOUS, _SYSTEM_REQUIRED = 0x80000000, 0x00000001
 def awake_s() -> float:
     """Return the time (s) on a clock that continues while the computer sleeps, if the system has such a clock.
 
-    Only differences of two returned times have a meaning. The clock is CLOCK_BOOTTIME on Linux (clock_gettime(2)),
-    CLOCK_MONOTONIC on macOS (clock_gettime(3)) and GetTickCount64 on Windows (Microsoft, Windows API, sysinfoapi.h).
+    Only differences of two returned times have a meaning. Sources: clock_gettime(2) on Linux, clock_gettime(3) on
+    macOS, GetTickCount64 in the Windows API (sysinfoapi.h).
     """
     if sys.platform == "win32":
         import ctypes
@@ -35,14 +35,12 @@ def awake_s() -> float:
 def kept_awake(reason: str) -> Iterator[None]:
     """Keep the computer awake within the context, if the operating system supports this.
 
-    On Linux the program systemd-inhibit is used if it is installed, on macOS the program caffeinate, and on Windows the
-    function SetThreadExecutionState. The computer may sleep again when this process ends, for any reason. Closing the
-    lid or a command of a person can put the computer to sleep nevertheless.
+    A person can put the computer to sleep nevertheless.
 
     Parameters
     ----------
     reason
-        Reason for staying awake. Linux shows this text to a person who asks what keeps the computer awake.
+        Reason for staying awake, which Linux shows to a person who asks.
     """
     if sys.platform == "win32":
         import ctypes
@@ -66,10 +64,7 @@ def kept_awake(reason: str) -> Iterator[None]:
 
 
 def _inhibitor(reason: str) -> subprocess.Popen[bytes] | None:
-    """Start a program that keeps the computer awake until its standard input closes or this process ends.
-
-    Returns None if the program is not installed or cannot be started.
-    """
+    """Start a program that keeps the computer awake until its standard input closes; return None if this fails."""
     if sys.platform == "darwin":
         command = ["caffeinate", "-i", "-s", "-w", str(os.getpid())]
     else:

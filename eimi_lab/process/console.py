@@ -1,4 +1,4 @@
-"""The terminal, or console, of the program: lines that a person types, and the closing of the terminal."""
+"""Read lines that a person types on the terminal, and react to the closing of the terminal."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ if sys.platform == "win32":
     _unfinished: list[str] = []
 
     def _typed_in_console() -> str | None:
-        """Return the line that was typed, or None if no line is finished.
-
-        The keys are read one by one, because on Windows reading a whole line would block the program.
-        """
+        """Return the line that was typed in a Windows console, or None if no line is finished."""
         while sys.stdin is not None and sys.stdin.isatty() and msvcrt.kbhit():
             key = msvcrt.getwche()
             if key in "\r\n":
@@ -40,15 +37,12 @@ if sys.platform == "win32":
 
 
 def typed_line() -> str | None:
-    """Return the line that was typed on the terminal, without spaces at its ends, or None if no line was typed.
-
-    The function never waits. Nothing is read if the program is in the background of a terminal, because reading would
-    stop the program there.
-    """
+    """Return the line that was typed on the terminal, or None if no line was typed. The function never waits."""
     if sys.platform == "win32":
         return _typed_in_console()
     try:
         terminal = sys.stdin.fileno()
+        # reading in the background of a terminal would stop the program
         if os.tcgetpgrp(terminal) != os.getpgrp() or not select.select([terminal], [], [], 0)[0]:
             return None
         return os.read(terminal, 1024).decode("utf-8", "replace").strip()
@@ -59,22 +53,20 @@ def typed_line() -> str | None:
 def handled(event: int, act: Callable[[], None]) -> int:
     """Call ``act`` if Windows closes the console, logs the user off or shuts down; leave Ctrl-C to Python.
 
-    Windows calls this function for each event of the console. After a closing, a log-off or a shutdown, it ends the
-    process as soon as the function returns.
+    Windows calls this function, and ends the process after a closing, a log-off or a shutdown when the function
+    returns.
 
     Parameters
     ----------
     event
-        Number of the event: 0 is Ctrl-C and 1 is Ctrl-Break; 2, 5 and 6 are the closing of the console, a log-off and a
-        shutdown.
+        Number of the event: 0 Ctrl-C, 1 Ctrl-Break, 2 closing, 5 log-off, 6 shutdown.
     act
         The function to call.
 
     Returns
     -------
     int
-        0 for Ctrl-C and Ctrl-Break, which Python then turns into signals. Otherwise 1, after ``act`` and a wait, during
-        which the main thread can end the program in order.
+        0 for Ctrl-C and Ctrl-Break; otherwise 1, after ``act`` and a wait for the end of the main thread.
     """
     if event not in _CLOSING:
         return 0
@@ -84,10 +76,9 @@ def handled(event: int, act: Callable[[], None]) -> int:
 
 
 def when_closed(act: Callable[[], None]) -> None:
-    """Call ``act`` when Windows closes the console, logs the user off or shuts the computer down.
+    """Call ``act``, in another thread, when Windows closes the console, logs the user off or shuts down.
 
-    ``act`` is called in a separate thread. Windows ends the process some seconds later, or when the main thread has
-    ended. On other systems ``act`` is not called, because these systems send a signal (SIGHUP, SIGTERM).
+    Windows ends the process some seconds later. On other systems ``act`` is not called.
     """
     if sys.platform == "win32":
 

@@ -1,4 +1,4 @@
-"""Processes that outlive the process and the terminal that started them, and the priority of processes."""
+"""Start processes that outlive the process and the terminal that started them, and set the priority of processes."""
 
 from __future__ import annotations
 
@@ -28,10 +28,7 @@ if sys.platform == "win32":
     _BREAKAWAY_OK, _KILL_ON_JOB_CLOSE = 0x0800, 0x2000
 
     def _job_limits() -> int:
-        """Return the flags of the job object of this process; 0 if the process is in no job object.
-
-        A job object is a group of processes that Windows can end together.
-        """
+        """Return the flags of the Windows job object (group of processes) of this process; 0 if there is none."""
         limits, length = ctypes.create_string_buffer(_LIMITS_BYTES), ctypes.c_ulong()
         asked = _kernel.QueryInformationJobObject(None, _EXTENDED_LIMITS, limits, _LIMITS_BYTES, ctypes.byref(length))
         return int.from_bytes(limits.raw[_FLAGS_AT : _FLAGS_AT + 4], "little") if asked else 0
@@ -46,19 +43,14 @@ LONGEST_ARGUMENT = 24_000 if sys.platform == "win32" else None
 def detached() -> dict[str, Any]:
     """Return the options of `subprocess.Popen` for a Python process that signals of the terminal do not reach.
 
-    POSIX: the process has a separate session (setsid(2)). Ctrl-C and the hang-up of the terminal do not reach the
-    process.
-
-    Windows: the process has an invisible console and a separate process group. Ctrl-C, Ctrl-Break and the closing of
-    the console do not reach the process. This process may belong to a job object, which is a group of processes that
-    can be ended together. The new process leaves this group if the job object permits it. The `python.exe` of a virtual
-    environment only starts the real interpreter, and puts it into a job object. The real interpreter is therefore
-    started directly, as `multiprocessing` does.
+    On POSIX, the process has a separate session (setsid(2)). On Windows, it has an invisible console and a separate
+    process group, and leaves the job object (a group of processes that end together) of this process if permitted.
     """
     if sys.platform == "win32":
         flags = subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP
         if _job_limits() & _BREAKAWAY_OK:
             flags |= subprocess.CREATE_BREAKAWAY_FROM_JOB
+        # The python.exe of a virtual environment puts the real interpreter into a job object.
         real = getattr(sys, "_base_executable", sys.executable)
         if real == sys.executable:
             return {"creationflags": flags}
@@ -81,14 +73,10 @@ def be_shut_down_last() -> None:
 
 
 class Starter:
-    """The process that started this process. The object tells whether this other process runs, and can kill it."""
+    """The process that started this process."""
 
     def __init__(self) -> None:
-        """Store the number of the process that started this process.
-
-        Create the object early: after the end of the starting process, the operating system may give the number to
-        another process.
-        """
+        """Store the number of the process that started this process."""
         self._process = os.getppid()
         if sys.platform == "win32":
             self._handle = ctypes.c_void_p(_kernel.OpenProcess(_SYNCHRONIZE | _PROCESS_TERMINATE, False, self._process))
@@ -109,19 +97,13 @@ class Starter:
 
 
 def resume(process: subprocess.Popen[bytes]) -> None:
-    """Let a process that was stopped by SIGSTOP continue.
-
-    Windows has no SIGSTOP, and the function does nothing there.
-    """
+    """Let a process that was stopped by SIGSTOP continue. On Windows, do nothing."""
     if sys.platform != "win32":
         process.send_signal(signal.SIGCONT)
 
 
 def give_way(steps: int) -> None:
-    """Lower the priority of this process.
-
-    Linux may share the processor time first among sessions (autogroup, sched(7)). A nice value then has an effect only
-    within a session. If this process is the leader of a session, the priority of the session is therefore lowered too.
+    """Lower the priority of this process, and of its session if this process is the leader of the session.
 
     Parameters
     ----------
@@ -138,11 +120,7 @@ def give_way(steps: int) -> None:
 
 
 def _lower_session(nice: int) -> None:
-    """Set the nice value (priority) of the session to which this process belongs, on Linux with autogroups.
-
-    Linux may share the processor time first among sessions: the processes of one terminal are such a session. On any
-    other system, nothing is done.
-    """
+    """Set the nice value (priority) of this process's session, if Linux shares the processor among sessions."""
     for _ in range(SESSION_ATTEMPTS):
         try:
             Path("/proc/self/autogroup").write_text(str(nice))

@@ -1,4 +1,4 @@
-"""The error for wrong input, the error for a fault of the program, and the printing of messages."""
+"""Define the error for wrong input and the error for a fault of the program, and print messages."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import sys
 
 
 class InputError(Exception):
-    """The error that is raised if an input of the user cannot be used.
+    """The error that is raised if an input of the user cannot be used. The program then ends with exit status 2.
 
-    The program prints the message without a traceback and ends with exit status 2.
-
-    The message is one line. It names the place of the fault (file, key or row), the value, and what would be right:
+    The message is one line with the place of the fault (file, key or row), the value, and what would be right:
     ``protocol.toml: current.step_A = -0.1 must be greater than 0``.
     """
 
@@ -19,9 +17,9 @@ class OwnFault(Exception):
     """The error that is raised if the cause is a fault of this program, and not the input of the user."""
 
     def __init__(self, what: str, error: str) -> None:
-        """Create the error.
+        """Store what failed.
 
-        ``what`` says which task failed, and with which file. ``error`` is the last line of the traceback.
+        ``what`` is the task and its file. ``error`` is the last line of the traceback.
         """
         super().__init__(f"{what}: {error}: a fault of this program; please report this line, and the file if you may")
 

@@ -1,4 +1,4 @@
-"""Manage memory with less effort: collect garbage less often, and keep freed memory in workers for reuse."""
+"""Collect garbage less often, and keep freed memory for reuse."""
 
 import atexit
 import gc
@@ -10,7 +10,7 @@ _OBJECTS_BETWEEN_COLLECTIONS = 50_000
 
 
 def collect_seldom() -> None:
-    """Collect garbage less often in this process, and not at the end of the process, which saves 0.3 s."""
+    """Collect garbage less often in this process, and not at the end of the process."""
     gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
     atexit.register(gc.freeze)
 
@@ -21,12 +21,8 @@ _SETTINGS = ((-1, 256 << 20), (-3, 32 << 20))  # M_TRIM_THRESHOLD, M_MMAP_THRESH
 
 
 def keep_freed_memory() -> None:
-    """Keep freed memory in this process for reuse, if the C library supports this. Simulations are then faster.
-
-    Each step of the simulation of a beam as a solid allocates and frees megabytes. Without this setting, the C library
-    returns the memory to the operating system and requests it again in each step. Both together take a tenth of the
-    time of the simulations for a report.
-    """
+    """Keep freed memory in this process for reuse, if the C library supports this."""
+    # The return and the new request of memory take a tenth of the time of a simulation of the beam as a solid.
     import ctypes  # imported here because only workers need it
 
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):

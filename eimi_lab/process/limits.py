@@ -1,8 +1,6 @@
-"""Limits of memory and processor time for reading files, because a small damaged file may require much of both.
+"""Limit memory and processor time for reading files, because a small damaged file may require much of both.
 
-The limits of a process are soft limits (setrlimit(2)). The hard limits that the user or a batch system has set are
-kept. On Windows, processes have no such limits; only a limit of the elapsed time ends a child process that never
-returns.
+The limits of a process are soft limits (setrlimit(2)). On Windows, only the elapsed time of a child process is limited.
 """
 
 from __future__ import annotations
@@ -29,12 +27,9 @@ WALL_WITHIN_S = 3600.0
 
 
 def free_memory_bytes() -> int:
-    """Return the memory (bytes) that this process can still use without displacing the memory of other processes.
+    """Return the memory (bytes) that this process can still use, as the operating system reports it.
 
-    On Linux this is MemAvailable in /proc/meminfo. On Windows the function GlobalMemoryStatusEx reports it. macOS does
-    not report the free memory; half of the installed memory (hw.memsize) is assumed. On other systems SC_AVPHYS_PAGES
-    of sysconf(3) is used. If the system reports nothing, 4 GiB are assumed. The result is at most the limit of the
-    address space (RLIMIT_AS).
+    Half of the installed memory is assumed on macOS, and 4 GiB if the system reports nothing.
     """
     free = _linux() if sys.platform == "linux" else _windows() if sys.platform == "win32" else _macos()
     if sys.platform == "win32":
@@ -57,7 +52,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
     claimed_bytes
         Size of the unpacked data according to the file.
     what
-        The file and the part of the file, in words: the subject of the error message, such as "run.h5: frame 3".
+        The file and its part, for the error message, such as "run.h5: frame 3".
     """
     most = free_memory_bytes() // SHARE_OF_FREE
     if claimed_bytes > most:
@@ -70,7 +65,7 @@ def refuse_unpacked(claimed_bytes: int, what: str) -> None:
 def limit_memory(most_bytes: int) -> None:
     """Limit the address space of this process to ``most_bytes``, if the operating system supports this.
 
-    A limit that is already lower is kept.
+    A lower limit is kept.
     """
     _lower("RLIMIT_AS", most_bytes)
 
@@ -83,17 +78,15 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
     path
         The file, for messages.
     command
-        The program and the arguments of the child process, such as ``[sys.executable, "-m", MODULE, FILE]``. This
-        function adds the limit as the last argument. The code of MODULE must read its arguments with `child_arguments`
-        and pass the last one to `obey_processor_limit`.
+        The program and the arguments of the child process; the limit is added as the last argument. The child reads its
+        arguments with `child_arguments` and calls `obey_processor_limit`.
     within_s
-        Limit of the processor time, s. On Windows, limit of the elapsed time.
+        Limit of the processor time (on Windows, of the elapsed time), s.
 
     Returns
     -------
     subprocess.CompletedProcess
-        The exit status and the output of the child process, which ended by itself. The exit status is 0, or a positive
-        number if the command reports an error.
+        The exit status and the output of the child process.
 
     Raises
     ------
@@ -120,11 +113,10 @@ def run_limited(path: Path, command: Sequence[str], within_s: float) -> subproce
 
 
 def child_arguments(count: int) -> list[str]:
-    """Return the command-line arguments of this process; the last is the limit of the processor time (s).
+    """Return the command-line arguments of this process, which `run_limited` started.
 
-    The process was started by `run_limited`, and must have received ``count`` arguments. Another number means that the
-    program was replaced by another release in the meantime. The process then prints a message and ends with exit
-    status 2.
+    The last argument is the limit of the processor time (s). If there are not ``count`` arguments, the process ends
+    with exit status 2.
     """
     arguments = sys.argv[1:]
     if len(arguments) != count:
@@ -134,19 +126,12 @@ def child_arguments(count: int) -> list[str]:
 
 
 def obey_processor_limit(within_s: str) -> None:
-    """Let the operating system end this process after ``within_s`` seconds of processor time.
-
-    On Windows, which has no limit of the processor time, the function does nothing.
-    """
+    """Let the operating system end this process after ``within_s`` seconds of processor time; not on Windows."""
     _lower("RLIMIT_CPU", int(within_s))
 
 
 def _lower(name: str, most: int) -> None:
-    """Lower the soft limit ``name`` of this process, such as "RLIMIT_CPU" in setrlimit(2), to ``most``.
-
-    A limit that is already lower is kept. The function does nothing on Windows, which has no such limits, and if the
-    system refuses the limit, as macOS refuses a limit of the address space (python/cpython issue 78783).
-    """
+    """Lower the soft limit ``name`` of this process, such as "RLIMIT_CPU" in setrlimit(2), to at most ``most``."""
     if sys.platform != "win32":
         import resource
 

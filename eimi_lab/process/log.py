@@ -1,4 +1,4 @@
-"""The log for maintainers of the program, which is printed on standard error on request."""
+"""Print the log for maintainers of the program on standard error."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PACKAGES = ("eimi_lab", "eimi_drivers", "eimi_fitting")
 
 
 def log_to_stderr(level: str) -> None:
-    """Print the messages of the log from ``level`` upward on standard error.
+    """Print the messages of the log from ``level`` ("info" or "debug") upward on standard error.
 
-    ``level`` is "info" or "debug"; any other text prints no log.
+    Any other text prints no log.
     """
     if level not in LEVELS:
         return

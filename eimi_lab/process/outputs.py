@@ -1,9 +1,4 @@
-"""Result files, which are written completely or not at all.
-
-An existing file is replaced only on request. A file that the same command reads is never written. If the name of a
-result file is a symbolic link, the file to which the link leads is written, and the link stays. Each file has one
-writer at a time.
-"""
+"""Write result files completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,8 +19,8 @@ from eimi_lab.process.writer_lock import only_writer
 def refuse_existing(path: Path, force: bool) -> None:
     """Raise InputError if ``path`` cannot become a new file.
 
-    The reason can be that the file exists (unless ``force`` is true) or is not an ordinary file. It can also be that
-    the folder of the file does not exist or cannot be written to.
+    The reason can be that the file exists (unless ``force`` is true), is not an ordinary file, or has no writable
+    folder.
     """
     folder = followed(path).parent
     if path.is_dir():
@@ -41,15 +36,14 @@ def refuse_existing(path: Path, force: bool) -> None:
 
 
 def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
-    """Raise InputError if one command uses the same file twice.
+    """Raise InputError if one command uses the same file twice, also under two names.
 
     Parameters
     ----------
     read
-        The files that the command reads. No file may be given twice.
+        The files that the command reads.
     written
-        The files that the command writes. No file may be equal to another read or written file, also under another
-        name, such as a symbolic link.
+        The files that the command writes.
     """
     used = set()
     for path in read:
@@ -69,7 +63,7 @@ def check_distinct(read: Sequence[Path], written: Sequence[Path]) -> None:
 def whole_file(path: Path, force: bool) -> Iterator[Path]:
     """Yield the path of a new temporary file that replaces ``path`` when the context ends without an error.
 
-    Create the temporary file within the context. On any error the temporary file is removed, and ``path`` is unchanged.
+    After an error, the temporary file is removed, and ``path`` is unchanged.
 
     Parameters
     ----------
@@ -108,8 +102,7 @@ def whole_file(path: Path, force: bool) -> Iterator[Path]:
 def write_file(path: Path, content: str | bytes, force: bool) -> None:
     """Write a file completely or not at all. Text is encoded as UTF-8.
 
-    Raises InputError if the file exists and ``force`` is false, or if the file cannot be created. Raises OSError if
-    writing fails.
+    Raises InputError if the file exists and ``force`` is false, or if it cannot be created; OSError if writing fails.
     """
     with whole_file(path, force) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -118,8 +111,7 @@ def write_file(path: Path, content: str | bytes, force: bool) -> None:
 def new_folder(folder: Path, force: bool) -> None:
     """Create a folder for results.
 
-    Raises InputError if the folder cannot be created. It is also raised if the folder exists and is not empty, unless
-    ``force`` is true.
+    Raises InputError if the folder cannot be created, or is not empty and ``force`` is false.
     """
     if folder.is_dir() and any(not entry.name.startswith(".") for entry in folder.iterdir()) and not force:
         raise InputError(f"{folder}: is not empty; give another folder, or --force to replace files in it")
@@ -133,7 +125,7 @@ def new_folder(folder: Path, force: bool) -> None:
 def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved to ``folder`` when the context ends without an error.
 
-    Write the files with `write_whole`. On any error the temporary folder is removed, and ``folder`` is unchanged.
+    Write the files with `write_whole`. After an error, the temporary folder is removed, and ``folder`` is unchanged.
 
     Parameters
     ----------
@@ -171,7 +163,7 @@ def whole_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 
 def _put(file: Path, path: Path) -> None:
-    """Move a file to ``path``. If ``path`` is a symbolic link, copy it over the file to which the link leads."""
+    """Move a file to ``path``. If ``path`` is a symbolic link, copy the file over the target of the link."""
     if not path.is_symlink():
         replace(file, path)
         return
@@ -180,10 +172,7 @@ def _put(file: Path, path: Path) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file and wait until its content is on the disk.
-
-    Raises OSError, which names the file, if writing fails, for example because the disk is full.
-    """
+    """Write a file and wait until its content is on the disk. Raises OSError if writing fails."""
     try:
         with file.open("wb") as output:
             output.write(content)

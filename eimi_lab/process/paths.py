@@ -1,4 +1,4 @@
-"""Long paths on Windows, and paths without symbolic links."""
+"""Handle long paths on Windows, and symbolic links."""
 
 from __future__ import annotations
 
@@ -25,17 +25,13 @@ _UNRESOLVED = (206, 234)
 def reachable(path: Path) -> Path:
     r"""Return a path in a form that Windows can open, also if the path is long.
 
-    On Windows, a long path gets the form ``\\?\C:\folder``, whose length is not limited. Every other path is returned
-    unchanged.
+    A long path gets the form ``\\?\C:\folder``. On other systems the path is unchanged.
     """
     return Path(with_prefix(os.path.abspath(path), str(path))) if sys.platform == "win32" else path
 
 
 def named_in(file: Path, name: str) -> Path:
-    """Return the path of a second file whose ``name`` is written in ``file``.
-
-    The name is relative to the folder of ``file``.
-    """
+    """Return the path of a second file whose ``name``, relative to the folder of ``file``, is written in ``file``."""
     return reachable(file.parent / name)
 
 
@@ -52,13 +48,11 @@ def with_prefix(absolute: str, short: str) -> str:
     Returns
     -------
     str
-        ``\\?\C:\folder`` or ``\\?\UNC\server\share\folder`` for a long path, otherwise ``short``. A path that already
-        has the prefix keeps the prefix, and every ``..`` in the path is resolved here: behind the prefix, Windows
-        treats ``..`` as the name of a folder.
+        ``\\?\C:\folder`` or ``\\?\UNC\server\share\folder``, without ``..``, for a long path; otherwise ``short``.
     """
     if absolute.startswith(_UNC_PREFIX):  # `..` cannot lead above the shared folder
         return _UNC_PREFIX + ntpath.normpath("\\\\" + absolute.removeprefix(_UNC_PREFIX))[2:]
-    if absolute.startswith(_PREFIX):
+    if absolute.startswith(_PREFIX):  # behind the prefix, Windows treats `..` as the name of a folder
         return _PREFIX + ntpath.normpath(absolute.removeprefix(_PREFIX))
     drive = ntpath.splitdrive(absolute)[0]
     if len(absolute) <= LONGEST_PLAIN or absolute.startswith(_DEVICE):
@@ -69,8 +63,7 @@ def with_prefix(absolute: str, short: str) -> str:
 def followed(path: Path) -> Path:
     """Return a path with all symbolic links resolved. The file need not exist.
 
-    On Windows, the links of a long path that the system cannot resolve are kept. Raises InputError if a link cannot be
-    followed.
+    Raises InputError if a link cannot be followed.
     """
     try:
         return path.resolve()

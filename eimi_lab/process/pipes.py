@@ -1,7 +1,7 @@
-"""Pipes between processes of this program: read available data, write without waiting, pass a pipe to a child process.
+"""Read and write pipes between processes without waiting, and pass a pipe to a child process.
 
-POSIX has select(2), O_NONBLOCK and inherited descriptors. Windows has PeekNamedPipe, PIPE_NOWAIT and inherited handles
-(Microsoft, Windows API, namedpipeapi.h and processthreadsapi.h).
+Windows: PeekNamedPipe and PIPE_NOWAIT (Microsoft, Windows API, namedpipeapi.h), and inherited handles
+(processthreadsapi.h).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def readable(descriptor: int, within_s: float) -> bool:
     descriptor
         The reading end of a pipe.
     within_s
-        Longest time to wait for data, s; 0 does not wait.
+        Longest time to wait for data, s.
     """
     if sys.platform == "win32":
         until = time.monotonic() + within_s
@@ -76,9 +76,9 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
     Yields
     ------
     names : list of str
-        A name for each descriptor. In the child process, `received` returns the descriptor for a name.
+        A name for each descriptor, for `received` in the child process.
     options : dict
-        Options of `subprocess.Popen` with which the child is to be started.
+        Options of `subprocess.Popen` for the start of the child.
     """
     if sys.platform == "win32":
         handles = [msvcrt.get_osfhandle(descriptor) for descriptor in descriptors]
@@ -95,10 +95,7 @@ def handed_down(*descriptors: int) -> Iterator[tuple[list[str], dict[str, Any]]]
 
 
 def received(name: str) -> int:
-    """Return the file descriptor that the parent process passed to this process with `handed_down`.
-
-    ``name`` is the name that `handed_down` yielded in the parent process, and that the child received as an argument.
-    """
+    """Return the file descriptor that the parent process passed to this process with `handed_down` under a name."""
     if sys.platform == "win32":
         return msvcrt.open_osfhandle(int(name), 0)
     return int(name)

@@ -1,7 +1,4 @@
-"""The progress of long work on standard error.
-
-On a terminal the progress is a bar with an estimate of the remaining time. Elsewhere it is one line for each step.
-"""
+"""Show the progress of long work on standard error: a bar on a terminal, otherwise one line for each step."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ _unseen = ContextVar("unseen", default=False)
 
 
 def silent(words: str) -> None:
-    """Do nothing with a text. This function takes the place of a function that shows the progress of long work."""
+    """Do nothing with a text about the progress of long work."""
 
 
 @contextmanager
@@ -31,14 +28,14 @@ def unseen() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Report:
-    """Functions that report the progress of long work. A call of the object itself reports the end of a step.
+    """A function that reports the end of a step of long work.
 
     Parameters
     ----------
     after_step
         Called after each step with a short text about the step.
     underway
-        Called during a step with a short text about the progress of the step. The text is shown only on a terminal.
+        Called during a step with a short text, which is shown only on a terminal.
     """
 
     after_step: Callable[[str], None]
@@ -51,10 +48,7 @@ class Report:
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Report]:
-    """Show the progress of long work.
-
-    The estimate of the remaining time leaves out the first step, which may take longer than other steps because modules
-    are loaded or the load cycles before a run are applied.
+    """Show the progress of long work, with an estimate of the remaining time.
 
     Parameters
     ----------

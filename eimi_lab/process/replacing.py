@@ -1,8 +1,7 @@
 """Replace, remove and open files that another program may have open.
 
-On Windows, a file that a program has open can be neither replaced nor removed, and some programs do not let another
-program open the same file. A virus scanner, an indexer or a synchronised folder opens every new file for a moment. A
-spreadsheet program has a file open as long as it shows the file.
+On Windows, a file that a program (such as a virus scanner or a spreadsheet) has open can be neither replaced nor
+removed.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ AnyResult = TypeVar("AnyResult")
 def replace(file: Path, path: Path) -> None:
     """Move ``file`` to ``path``, and replace a file that exists at ``path``.
 
-    On Windows, the move is tried again for some seconds while another program has one of the two files open.
+    On Windows, the move is tried for some seconds.
 
     Raises
     ------
     OSError
-        If the file cannot be moved. If another program has a file open, the message names the file and says what to do.
+        If the file cannot be moved, for example because another program has it open.
     """
     try:
         patiently(lambda: os.replace(file, path))
@@ -47,7 +46,7 @@ def replace(file: Path, path: Path) -> None:
 def remove(file: Path) -> None:
     """Remove a file if it exists.
 
-    If another program has the file open, the function tries for some seconds. Then it leaves the file without an error.
+    A file that another program has open is left without an error after some seconds.
     """
     try:
         patiently(lambda: file.unlink(missing_ok=True))
@@ -59,12 +58,12 @@ def remove(file: Path) -> None:
 def patiently(act: Callable[[], AnyResult]) -> AnyResult:
     """Call a function that opens, replaces or removes a file, and return its result.
 
-    On Windows, the call is repeated for some seconds while another program does not let this program use the file.
+    On Windows, the call is repeated for some seconds while another program has the file open.
 
     Raises
     ------
     OSError
-        If ``act`` raises this error. On Windows, a PermissionError is raised only after the last attempt.
+        If ``act`` raises this error; on Windows, a PermissionError only after the last attempt.
     """
     until = time.monotonic() + TRY_FOR_S
     while True:

@@ -1,9 +1,6 @@
 """Move a process into a separate systemd scope, so that the process outlives the program that started it.
 
-A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
-
-Without a separate scope, the process belongs to the control group of that program. All processes of a control group end
-if systemd-oomd ends the group, a desktop closes a program, or a service is stopped.
+A scope is a group of processes that systemd, the service manager of Linux, ends together.
 """
 
 from __future__ import annotations
@@ -23,10 +20,8 @@ _OWN_GROUP = Path("/proc/self/cgroup")
 def move_to_own_scope(name: str, description: str) -> bool:
     """Move this process into a new scope of systemd, so that the process outlives the program that started it.
 
-    A scope is a group of processes that systemd, the service manager of Linux, controls and ends together.
-
-    The process is not moved if the user has no systemd, or if it would end earlier in a new scope than without one.
-    This is so if a logout would end the new scope, but does not end the process as it is.
+    A scope is a group of processes that systemd, the service manager of Linux, ends together. The process is not moved
+    without systemd, or if only the scope would end when the user logs out.
 
     Parameters
     ----------
@@ -65,12 +60,7 @@ def move_to_own_scope(name: str, description: str) -> bool:
 
 
 def _lasts_as_long_in_a_scope() -> bool:
-    """Return whether this process would live at least as long in a new scope as without a new scope.
-
-    A scope is a group of processes that the user's systemd controls, and that ends with the user's systemd. The result
-    is True if the user's systemd keeps running after the logout of the user (lingering), or if this process already
-    belongs to the user's systemd.
-    """
+    """Return whether this process would live at least as long in a new systemd scope as without a scope."""
     try:
         return (_LINGER / getpass.getuser()).exists() or "/user@" in _OWN_GROUP.read_text(encoding="utf-8")
     except (OSError, KeyError):  # the system has no such files, or the user has no name

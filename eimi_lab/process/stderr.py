@@ -1,8 +1,6 @@
-"""A standard error stream that never blocks the program, and the text that C libraries print on standard error.
+"""Write to standard error without waiting for a reader, and collect the text that C libraries print there.
 
-An ordinary write blocks if nobody reads standard error: the pipe is full, the terminal was stopped with Ctrl-S, or text
-is selected in a Windows console. A coil might then stay on. In the stream of this module, text that cannot be written
-at once waits in memory for the next write. If too much text waits, the oldest lines are dropped and counted.
+Text that cannot be written at once waits in memory. If too much text waits, the oldest lines are dropped and counted.
 """
 
 from __future__ import annotations
@@ -51,7 +49,7 @@ class NeverBlocking(io.TextIOBase):
         return os.isatty(self._original)
 
     def writable(self) -> bool:
-        """Return True, because the stream can be written to."""
+        """Return True."""
         return True
 
     def write(self, text: str) -> int:
@@ -112,11 +110,7 @@ class NeverBlocking(io.TextIOBase):
 
 
 class WrittenByThread(NeverBlocking):
-    """A text stream whose text is written by a separate thread, so that the program never waits for the reader.
-
-    The stream is for Windows: there, every write to a console or a file waits, and select(2) accepts only sockets. A
-    console receives Unicode, whatever its code page.
-    """
+    """A text stream for Windows that a separate thread writes, so that the program never waits for the reader."""
 
     def _open(self, descriptor: int) -> None:
         self._raw = open(os.dup(descriptor), "wb", buffering=0)  # noqa: SIM115  # closed in `_close`
@@ -150,8 +144,8 @@ class WrittenByThread(NeverBlocking):
 def write_every_character() -> None:
     """Make standard output and standard error accept every character.
 
-    On Windows, a stream that is not a console receives UTF-8 whatever the code page, like every text file of this
-    program. Elsewhere, a character that is missing in the encoding of the terminal is written with a backslash.
+    On Windows, a stream that is not a console receives UTF-8. Elsewhere, a character that is missing in the encoding of
+    the terminal is written with a backslash.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -160,10 +154,7 @@ def write_every_character() -> None:
 
 
 def open_closed_streams() -> None:
-    """Open the null device for each standard stream that is closed (as by ``2>&-``).
-
-    Otherwise the files that the program opens would receive the descriptors of the standard streams.
-    """
+    """Open the null device for each standard stream that is closed (as by ``2>&-``)."""
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)
@@ -175,10 +166,7 @@ def open_closed_streams() -> None:
 
 @contextmanager
 def never_blocking() -> Iterator[None]:
-    """Replace standard error (`sys.stderr`) within the context by a stream that never waits for its reader.
-
-    An ordinary stream blocks the program if nobody reads the text, for example on a terminal that was stopped.
-    """
+    """Replace standard error (`sys.stderr`) within the context by a stream that never waits for its reader."""
     before = sys.stderr
     try:
         stream = (WrittenByThread if sys.platform == "win32" else NeverBlocking)(before.fileno())
@@ -201,9 +189,6 @@ _captured = threading.Lock()
 def library_words() -> Iterator[list[str]]:
     """Collect the lines that C libraries, such as OpenCV's, print on standard error within the context.
 
-    None of these lines reaches the terminal. Within the context of `never_blocking`, which gives Python a separate
-    stream, text that Python prints on standard error still reaches the terminal.
-
     Yields
     ------
     list of str
@@ -223,14 +208,10 @@ def library_words() -> Iterator[list[str]]:
 
 
 def _reopened(descriptor: int) -> int:
-    """Return a new descriptor for the same pipe, terminal or file; writes to a pipe or terminal then never block.
-
-    Such a pipe or terminal is opened again, because a change of the old descriptor would affect all processes that
-    share it. The descriptor of a file is only duplicated, because a file that is opened again would be written from its
-    beginning.
-    """
+    """Return a new descriptor for the same pipe, terminal or file; writes to a pipe or terminal then never block."""
     mode = os.fstat(descriptor).st_mode
     if sys.platform != "win32" and (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)):
         with suppress(OSError):
+            # opened again: a change of the old descriptor would affect all processes that share it
             return os.open(f"/dev/fd/{descriptor}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-    return os.dup(descriptor)
+    return os.dup(descriptor)  # a file that is opened again would be written from its beginning

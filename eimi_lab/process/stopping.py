@@ -1,7 +1,4 @@
-"""Signals that stop the program.
-
-A signal raises `Stopped`, so that every file is closed and every coil is switched off.
-"""
+"""End the program in order after a signal: `Stopped` is raised, files are closed and coils are switched off."""
 
 from __future__ import annotations
 
@@ -35,14 +32,14 @@ IN_HASTE_AFTER_S = 1.0
 class Stopped(BaseException):
     """The exception that is raised if a signal, such as Ctrl-C, asks the program to stop.
 
-    The class is not an `Exception`, so that no handler of ordinary errors catches it.
+    Handlers of `Exception` do not catch it.
 
     Parameters
     ----------
     number
         Number of the signal.
     left
-        Description of the files and instruments at the end of the program, for the message.
+        What became of the files and instruments, for the message.
     """
 
     def __init__(self, number: int, left: str = "") -> None:
@@ -50,10 +47,7 @@ class Stopped(BaseException):
         self.number, self.left = number, left
 
     def in_words(self) -> str:
-        """Return the message of this error.
-
-        If another signal came while the program ended after a first signal, return the message for the first signal.
-        """
+        """Return the message of this error, or of the first error if this signal came during the end of the program."""
         earlier = self.__context__
         while earlier is not None:
             if isinstance(earlier, Stopped) and earlier.left:
@@ -66,17 +60,14 @@ _received: list[int] = []
 
 
 def unwind_on_termination() -> None:
-    """Let Ctrl-C, termination and hang-up raise `Stopped`. A signal that is ignored stays ignored.
-
-    If the signal comes during a destructor or a callback of a C library, Python cannot raise the error `Stopped`: it
-    reports the error and drops it. The same signal is then sent again after a short time.
-    """
+    """Let Ctrl-C, termination and hang-up raise `Stopped`. A signal that is ignored stays ignored."""
     for number in (signal.SIGINT, *TERMINATION):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _raise)
     when_closed(_leave_the_console)
     report = sys.unraisablehook
 
+    # Python drops an error that is raised in a destructor or in a callback of a C library.
     def send_again(dropped: UnraisableHookArgs) -> None:
         if isinstance(dropped.exc_value, Stopped):
             threading.Timer(AGAIN_AFTER_S, signal_main_thread, [dropped.exc_value.number]).start()
@@ -88,10 +79,7 @@ def unwind_on_termination() -> None:
 
 @contextmanager
 def leaving() -> Iterator[None]:
-    """Ignore Ctrl-C and the other signals that would end the program, while it prints its last lines in the context.
-
-    Before this context, every file must be closed and every instrument must be off.
-    """
+    """Ignore Ctrl-C and the other signals that end the program, while it prints its last lines in the context."""
     handled = [n for n in (signal.SIGINT, *TERMINATION) if signal.getsignal(n) is _raise]
     for number in handled:
         signal.signal(number, signal.SIG_IGN)
@@ -103,11 +91,7 @@ def leaving() -> Iterator[None]:
 
 
 def raise_if_asked() -> None:
-    """Raise `Stopped` if a signal, such as Ctrl-C, has asked the program to stop.
-
-    The handler of the signal raises `Stopped` too, but Python drops an error that is raised in a destructor or in a
-    callback of a C library. Long operations therefore call this function.
-    """
+    """Raise `Stopped` if a signal, such as Ctrl-C, has asked the program to stop."""
     if _received:
         raise Stopped(_received[0])
 

@@ -1,8 +1,6 @@
-"""Distribution of long tasks to this process, to other processes of this computer, or to a dask cluster.
+"""Distribute long tasks to processes of this computer or to a dask cluster.
 
-A task is a whole fit, or the search for the edges of one state (load step). Processes and clusters are executors of the
-standard library (`concurrent.futures`). The result of a task does not depend on the number of workers. If a worker is
-lost, another worker repeats the task. Each worker uses one thread (`eimi_lab.process.threads`).
+If a worker is lost, another worker repeats the task. The results do not depend on the number of workers.
 """
 
 from __future__ import annotations
@@ -42,7 +40,7 @@ _ANSWER_S = 10
 def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractContextManager[Executor]] | None:
     """Return a function that creates the executor for the options ``--workers`` and ``--scheduler``.
 
-    An executor is an object of the module `concurrent.futures` that runs tasks, here in other processes.
+    An executor (see the module `concurrent.futures`) runs tasks, here in other processes.
 
     Parameters
     ----------
@@ -54,13 +52,12 @@ def executor_for(workers: int, scheduler: str | None) -> Callable[[], AbstractCo
     Returns
     -------
     callable or None
-        The function. None if the tasks are to run in this process.
+        The function; None if the tasks are to run in this process.
 
     Raises
     ------
     InputError
-        If several workers and a scheduler are given, or if the cluster cannot be used, for example because no scheduler
-        answers.
+        If several workers and a scheduler are given, or if the cluster cannot be used.
     """
     if scheduler is None:
         # More workers than processors would only need more memory. Windows waits for at most 61 processes at once.
@@ -86,8 +83,6 @@ def completed(
 ) -> Generator[tuple[Task, Callable[[], T]]]:
     """Run tasks, and yield each task with its result in the order in which the tasks finish.
 
-    If a worker process is lost, for example for lack of memory, the unfinished tasks are given to a new executor.
-
     Parameters
     ----------
     function
@@ -97,17 +92,14 @@ def completed(
     tasks
         The tasks.
     executor
-        Function that creates the executor (`concurrent.futures`), which runs the tasks in other processes. None runs
-        the tasks in this process, one after another.
+        Function that creates an executor (`concurrent.futures`) with other processes; None runs the tasks in this
+        process.
     expected
-        Types of errors of ``function`` that are raised only when the result of the task is requested. With an executor,
-        every other error is raised at once and ends the tasks.
+        Types of errors of ``function`` that are raised only when the result of the task is requested.
     meanwhile
-        Function that this process calls once after all tasks were given to the workers. It is not called without an
-        executor.
+        Function that is called once after all tasks were given to an executor.
     further
-        Function that returns new tasks, which follow from a task and its result. The new tasks are given to the workers
-        before the result is yielded.
+        Function that returns new tasks, which follow from a task and its result.
 
     Yields
     ------
@@ -167,10 +159,9 @@ def _submitted(
     finished: SimpleQueue[Future[T]],
     tasks: Sequence[Task],
 ) -> dict[Future[T], Task]:
-    """Give tasks to a pool of workers, and return the tasks by their futures.
+    """Give tasks to a pool of workers, and return the tasks by their futures (objects for the results).
 
-    A future is an object that will contain the result of a task. When a task is done, its future is put into the queue
-    ``finished``.
+    When a task is done, its future is put into the queue ``finished``.
     """
     futures = {pool.submit(function, **arguments(task)): task for task in tasks}
     for future in futures:
@@ -179,36 +170,24 @@ def _submitted(
 
 
 def _next(finished: SimpleQueue[Future[T]]) -> Future[T]:
-    """Wait until the next task is done, and return its future (its result) from the queue ``finished``.
-
-    The wait is divided: on Windows, the main thread would not receive Ctrl-C during a wait without a time limit.
-    """
+    """Wait until the next task is done, and return its future (its result) from the queue ``finished``."""
     while True:
         with suppress(Empty):
-            return finished.get(timeout=_LOOK_EVERY_S)
+            return finished.get(timeout=_LOOK_EVERY_S)  # without a limit, Windows would not deliver Ctrl-C
 
 
 class _Processes(ProcessPoolExecutor):
-    """A pool of processes that start with Ctrl-C blocked.
-
-    A process that receives Ctrl-C while it starts would print a traceback and end.
-    """
+    """A pool of processes that start with Ctrl-C blocked."""
 
     def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Give a task to the pool, and return the future, an object that will contain the result of the task.
-
-        A new process is started if no process is free.
-        """
-        with _blocked("SIGINT"):
+        """Give a task to the pool, and return the future, an object for the result of the task."""
+        with _blocked("SIGINT"):  # a starting process that receives Ctrl-C would print a traceback
             return super().submit(function, *args, **kwargs)
 
 
 @contextmanager
 def _blocked(name: str) -> Iterator[None]:
-    """Block the signal ``name`` within the context, in this process and in the processes that the context starts.
-
-    After the context this process receives the signal again. On Windows the context does nothing.
-    """
+    """Block the signal ``name`` within the context, in this process and in the processes that the context starts."""
     if sys.platform == "win32":
         yield
     else:
@@ -221,10 +200,7 @@ def _blocked(name: str) -> Iterator[None]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[Executor]:
-    """Create and yield a pool of ``workers`` processes on this computer.
-
-    The processes end at the end of the context, also after an error, and if this process ends.
-    """
+    """Create and yield a pool of ``workers`` processes on this computer, which end at the end of the context."""
     before = set(multiprocessing.active_children())
     start_resource_tracker()
     pool = _Processes(workers, multiprocessing.get_context("spawn"), _begin_work)
@@ -242,9 +218,7 @@ def processes(workers: int) -> Iterator[Executor]:
 def started(
     executor: Callable[[], AbstractContextManager[Executor]] | None, workers: int, module: str
 ) -> Iterator[Callable[[], AbstractContextManager[Executor]] | None]:
-    """Start an executor with its worker processes early, before the tasks are known, to save time.
-
-    The workers load a module while this process loads its own modules. The executor then runs the tasks.
+    """Start an executor (`concurrent.futures`) with its worker processes before the tasks are known.
 
     Parameters
     ----------
@@ -253,13 +227,12 @@ def started(
     workers
         Number of workers.
     module
-        Name of the module that the workers load.
+        Name of a module that the workers load meanwhile.
 
     Yields
     ------
     callable or None
-        A function that returns the started executor at its first call, and creates a new executor at later calls; None
-        if ``executor`` is None.
+        A function that returns the started executor, and later new executors; None if ``executor`` is None.
     """
     if executor is None:
         yield None
@@ -274,12 +247,10 @@ def started(
 def start_resource_tracker() -> None:
     """Start Python's resource tracker in such a way that the closing of the terminal (a hang-up) does not end it.
 
-    The resource tracker is a process that removes the resources that processes share. If a hang-up ended the tracker
-    while worker processes still run, Python would print many lines about its loss. The hang-up signal is therefore
-    blocked during the start. The tracker itself ignores the other signals that end a program.
+    The resource tracker is a process that removes the resources that processes share.
     """
     if sys.platform != "win32":  # Windows removes shared resources by itself
-        with _blocked("SIGHUP"):
+        with _blocked("SIGHUP"):  # the tracker itself ignores the other signals that end a program
             resource_tracker.ensure_running()
 
 
@@ -298,10 +269,7 @@ def leave_with_parent() -> None:
 
 
 def _begin_work() -> None:
-    """Prepare this process for the tasks of a pool.
-
-    The priority of this process becomes lower than the priority of the parent process, which shows the progress.
-    """
+    """Prepare this process for the tasks of a pool, with a lower priority than its parent process."""
     leave_with_parent()
     keep_freed_memory()
     give_way(1)
@@ -319,8 +287,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises
     ------
     InputError
-        If dask.distributed is not installed, no scheduler answers, or there is no worker; or if a worker has another
-        version of Python, or of a package on which results depend, or uses several threads.
+        If dask.distributed is not installed, no scheduler answers, or the workers are missing or not suitable.
     ChildProcessError
         If the workers of the cluster are lost.
     """
@@ -351,10 +318,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 async def _greet(address: str) -> None:
-    """Check that a dask scheduler answers at ``address``: connect to it and close the connection.
-
-    The caller can cancel this attempt after a time limit, which is not possible with a dask client.
-    """
+    """Check that a dask scheduler answers at ``address``: connect to it and close the connection."""
     from distributed.comm import connect
 
     await (await connect(address)).close()

@@ -1,12 +1,6 @@
-"""A lock that allows one writer at a time for each file. The operating system releases the lock when its holder ends.
+"""Allow one writer at a time for each file. The operating system releases the lock when its holder ends.
 
-The lock of the operating system (flock(2), or LockFileEx on Windows, by the library filelock) is taken on a separate
-file: `.run.h5.lock` beside `run.h5`. The data file itself cannot be locked. HDF5 locks and unlocks the data file at any
-time, and the lock would be lost when the data file is replaced.
-
-Symbolic links to the data file are followed, so that all its names share one lock. A lock file that is itself a link is
-never followed or written to, because another user may have put it there. A run that was killed leaves its lock file
-behind. This file locks nothing any more, and the next writer uses it again.
+The lock (flock(2), or LockFileEx on Windows) is taken on a separate file, such as `.run.h5.lock` beside `run.h5`.
 """
 
 from __future__ import annotations
@@ -26,17 +20,18 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.paths import followed
 from eimi_lab.process.replacing import patiently, remove
 
+# The data file itself cannot be locked: HDF5 locks and unlocks it at any time, and the lock would be lost when the file is
+# replaced. A lock file that is a link is never followed, because another user may have put it there.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
 
 
 @dataclass
 class _Held:
-    """A lock that this process holds, with the number of times that it was taken.
+    """A lock that this process holds.
 
-    ``descriptor`` is the open lock file, or -1 if the file system supports no locks. ``owner`` is the pair of the
-    process number and the thread number of the owner. The owner may take the lock several times, and must release it
-    ``times`` times.
+    ``descriptor`` is the open lock file, or -1 without locks. ``owner`` is the process number and the thread number of
+    the owner, which has taken the lock ``times`` times.
     """
 
     descriptor: int
@@ -51,8 +46,7 @@ _held_lock = threading.Lock()
 class WriterLock:
     """The exclusive right to write to a file, held until `release`.
 
-    The same thread may take the lock several times. If the file system does not support locks, a warning is printed and
-    the file is not locked.
+    The same thread may take the lock several times. If the file system does not support locks, a warning is printed.
 
     Parameters
     ----------
@@ -108,10 +102,7 @@ def lock_file(path: Path) -> Path:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return whether a process holds the lock of a file, which means that it may write to the file.
-
-    The process may be this process.
-    """
+    """Return whether a process, also this process, holds the lock of a file."""
     file = lock_file(path)
     with _held_lock:
         if file in _held:
@@ -144,10 +135,9 @@ _LOCKED_BYTE = " "
 
 
 def _take(file: Path, path: Path) -> int | None:
-    """Take the lock of ``path`` on its lock file ``file``.
+    """Take the lock of ``path`` on its lock file ``file``, and return the descriptor of the lock file.
 
-    Returns the descriptor of the lock file; None if another process holds the lock; -1 if the file system does not
-    support locks.
+    Returns None if another process holds the lock, and -1 if the file system does not support locks.
     """
     while True:
         try:
@@ -184,10 +174,7 @@ def _take(file: Path, path: Path) -> int | None:
 
 
 def _holder(file: Path) -> str:
-    """Return the text that the holder of a lock wrote into the lock file: its process, computer and command.
-
-    If there is no such text, return "another program".
-    """
+    """Return the text of the lock file about its holder: process, computer and command; or "another program"."""
     with suppress(OSError), open(os.open(file, os.O_RDONLY | _NO_LINK), "rb", buffering=0) as stored:
         stored.seek(len(_LOCKED_BYTE))
         if text := (stored.read(200) or b"").decode("utf-8", "replace"):
