@@ -20,8 +20,8 @@ from eimi_lab.process.errors import InputError, tell
 from eimi_lab.process.paths import followed
 from eimi_lab.process.replacing import patiently, remove
 
-# The data file itself cannot be locked: HDF5 locks and unlocks it at any time, and the lock would be lost when the file is
-# replaced. A lock file that is a link is never followed, because another user may have put it there.
+# The data file itself cannot be locked: HDF5 locks and unlocks it at any time, and replacing the file loses the lock.
+# A lock file that is a link is never followed, because another user may have put it there.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags of open(2): fail for a symbolic link, and do not wait for the other end of a pipe."""
 
