@@ -1,8 +1,4 @@
-"""The inputs of a simulation with a fitted law: the bulk modulus, and the uncertain inputs that the fit determined.
-
-An uncertain input (nuisance), such as the magnetic moment, may be fitted together with the law. Its fitted value
-applies to the datasets of the fit only. For any other dataset, the inputs have the values in the files of the dataset.
-"""
+"""The inputs of a simulation with a fitted law: the bulk modulus, and uncertain inputs such as the magnetic moment."""
 
 from __future__ import annotations
 
@@ -31,20 +27,16 @@ INCOMPRESSIBLE_FROM = 0.495
 
 @dataclass(frozen=True)
 class Assumptions:
-    """The inputs with which a fitted law is simulated, in addition to its parameters.
-
-    P sets of parameters (candidates) are simulated together.
+    """The bulk modulus and the uncertain inputs with which a fitted law is simulated.
 
     Attributes
     ----------
     bulk_modulus_Pa : ndarray, shape (P,), or None
-        The bulk modulus of each candidate; None for an incompressible material.
+        Bulk modulus for each of P sets of parameters; None for an incompressible material.
     setup : Setup or None
-        The fitted values of the freed nuisances (uncertain inputs that were fitted together with the law); None if no
-        input was fitted.
+        Fitted values of the uncertain inputs; None if no input was fitted.
     deviations : mapping of str to ndarray, shape (d,)
-        How far the freed nuisances that change the specimen, the loads or the lens deviate from the input files. The
-        key is the name of the nuisance. Each has d numbers, such as the two coordinates of a place.
+        By name of a fitted input: its d deviations from the input files, such as those of two coordinates.
     """
 
     bulk_modulus_Pa: Array | None = None
@@ -52,35 +44,29 @@ class Assumptions:
     deviations: Mapping[str, Array] = field(default_factory=dict)
 
     def applied(self, experiment: Experiment) -> Experiment:
-        """Return a copy of an experiment in which the uncertain inputs have the values that the fit identified.
-
-        An experiment consists of beam model, loads and measurements. The uncertain inputs (nuisances), such as the
-        magnetic moment, are those that were fitted together with the law. They change the specimen, the loads and the
-        lens.
-        """
+        """Return a copy of an experiment (loads and measurements) with the fitted values of uncertain inputs."""
         return experiment.under(self.deviations)
 
     def as_measured(self, places_mm: Array) -> Array:
-        """Return where the camera sees simulated points (mm), if the lens has the properties that the fit identified.
+        """Return the places (mm) at which the fitted lens shows simulated points.
 
-        The last axis of the argument and of the result, shape (..., 2), contains x and y in the beam frame. The
-        properties of the lens are those of the first candidate (set of parameters).
+        The last axis of the argument and of the result contains x and y.
         """
         return places_mm if self.setup is None else self.setup.imaged(places_mm)
 
     def compared(self, model: str, parameters: Array, experiment: Experiment, keep: bool = False) -> Comparison:
-        """Simulate P candidates (sets of parameters) of a law, and compare them with measurements.
+        """Compare measurements with simulations for P sets of parameters of a law.
 
         Parameters
         ----------
         model : str
             Name of the law.
         parameters : ndarray, shape (P, n)
-            The n parameters of the law for each candidate.
+            P sets of the n parameters of the law.
         experiment : Experiment
-            Beam model, loads and measurements, with the fitted values of the uncertain inputs (see `applied`).
+            Beam model, loads and measurements.
         keep : bool
-            Whether the result also contains the solved shapes of the beam, from which a later simulation can start.
+            Whether the result contains the solved shapes of the beam.
         """
         return compare(
             LAWS[model],
@@ -93,10 +79,7 @@ class Assumptions:
 
 
 def section_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the error of the modulus due to a planar beam model (plane stress or plane strain).
-
-    Return None for a beam model with a solid cross-section.
-    """
+    """Return a sentence on the error of the modulus due to plane stress or plane strain; None for a solid section."""
     specimen = evidence.experiment.model.specimen
     if specimen.section == "solid":
         return None
@@ -109,7 +92,7 @@ def section_remark(evidence: Evidence) -> str | None:
 
 
 def rest_shape_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured shape at rest; None if the fit uses the shape in the specimen file."""
+    """Return a sentence on the measured shape at rest; None if no shape was measured."""
     shape = evidence.rest_shape
     if shape is None:
         return None
@@ -121,10 +104,7 @@ def rest_shape_remark(evidence: Evidence) -> str | None:
 
 
 def compressibility_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the error of the modulus because the fit takes the material as incompressible.
-
-    The error follows from Poisson's ratio in the specimen file. Return None for a ratio of 0.495 or more.
-    """
+    """Return a sentence on the error of the modulus due to assumed incompressibility; None for a small error."""
     ratio = evidence.poisson_ratio
     if ratio >= INCOMPRESSIBLE_FROM:
         return None
@@ -139,7 +119,7 @@ def compressibility_remark(evidence: Evidence) -> str | None:
 def assumptions_of(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, candidates: int) -> Assumptions:
     """Return the bulk modulus and the uncertain inputs with which a fitted law is simulated on a dataset.
 
-    The values are repeated for each of the `candidates` sets of parameters that are simulated together.
+    `candidates` is the number of sets of parameters that are simulated.
     """
     if not isinstance(fit, FitRecord):
         return Assumptions()

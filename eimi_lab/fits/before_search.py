@@ -1,8 +1,4 @@
-"""Check a dataset for errors that no material could explain, and name the key of an input file to change.
-
-The checks are made before the search for the parameters of a law. They concern the states (load steps), the width of
-the beam in one picture, and the loads. The loads are checked by `eimi_fitting.inference.searching.named_causes`.
-"""
+"""Check a dataset for errors that no material could explain, and name the key of an input file to change."""
 
 from __future__ import annotations
 
@@ -34,8 +30,7 @@ _MOVED = 0.01  # motion of the tip, as a fraction of the beam's length
 class _Remedy:
     """What the user has to change to correct one mistake in the inputs, as texts.
 
-    `calibration` and `states` are the changes in calibration.toml and in states.csv for a dataset of pictures; `points`
-    is the change for a dataset of tracked points.
+    `calibration`: change in calibration.toml; `states`: change in states.csv; `points`: change for tracked points.
     """
 
     calibration: str
@@ -78,10 +73,7 @@ _REMEDIES: dict[Slip, _Remedy] = {
 
 
 def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
-    """Return the message for a user about a mistake in the stated loads of a dataset, such as a reversed field.
-
-    The message contains the ways to correct the mistake.
-    """
+    """Return a message about a mistake in the loads of a dataset, such as a reversed field, and how to correct it."""
     remedy = _REMEDIES[cause.slip]
     remedies = [remedy.points]
     if _is_edges(experiment):
@@ -95,10 +87,7 @@ def in_words(cause: NamedCause, path: Path, experiment: Experiment) -> str:
 
 
 def _with(change: str, file: str, path: Path) -> str:
-    """Return the text `change`, such as "correct width_mm", with the file to change and the command to use.
-
-    The command is `eimi segment`, which stores the changed file in the dataset.
-    """
+    """Return the text `change`, such as "correct width_mm", with the file to change and the command to use."""
     return f"{change} in {file}.toml, and store this file: eimi segment {path} --{file} {file}.toml"
 
 
@@ -157,12 +146,12 @@ def _check_map(experiment: Experiment) -> None:
 
 
 def check_width(dataset: Dataset) -> None:
-    """Compare the width of the beam in the picture of the first state with the width in the specimen file.
+    """Check that the beam has the width of the specimen file in the first picture.
 
     Raises
     ------
     InputError
-        If the two widths differ by more than a factor of 1.2.
+        If the widths differ by more than a factor of 1.2.
     """
     from eimi_lab.vision.edges.apparent_width import apparent_width_mm  # slow imports, rarely needed
     from eimi_lab.vision.intensity import grey, state_mean
@@ -195,11 +184,7 @@ def _is_edges(experiment: Experiment) -> bool:
 
 
 def _tips_mm(experiment: Experiment) -> Array:
-    """Return x and y of the beam's tip (mm) in each of the K states, shape (K, 2), to see how far the tip moves.
-
-    With edges, the position is the mean of the last points of both edges. With tracked points, the mean displacement of
-    all points is returned in its place.
-    """
+    """Return x and y of the beam's tip in each state (mm), shape (states, 2)."""
     observed = experiment.observed
     measured = np.isfinite(observed.sigma_mm)
     if isinstance(observed, EdgeObservation):

@@ -1,7 +1,4 @@
-"""The record of fits that were repeated on bootstrap replicates of the data, for a result file.
-
-The states of a replicate are drawn at random, with replacement, from the measured states.
-"""
+"""Fits to random samples of the states (bootstrap replicates), as a result file contains them."""
 
 from __future__ import annotations
 
@@ -15,10 +12,7 @@ from eimi_lab.fits.law_record import Record
 
 
 class ReplicateRecord(Record):
-    """A law fitted to one bootstrap replicate of the data, with the parameters in the units of the law.
-
-    The states of a replicate are drawn at random, with replacement, from the measured states.
-    """
+    """A law fitted to one bootstrap replicate: states drawn at random, with replacement, from the measured states."""
 
     replicate: int
     parameters: dict[str, float]
@@ -30,7 +24,7 @@ class ReplicateRecord(Record):
 
     @staticmethod
     def of(fit: Fit, replicate: int) -> ReplicateRecord:
-        """Return the record of a fit to the bootstrap replicate (random sample of the states) with this number."""
+        """Return the record of a fit to the bootstrap replicate with this number."""
         return ReplicateRecord(
             replicate=replicate,
             parameters={name: quantity.value for name, quantity in fit.parameters.items()},
@@ -46,11 +40,10 @@ FEWEST_FOR_INTERVAL = 40  # replicates: one beyond each end of a 95 % interval
 
 
 class BootstrapRecord(Record):
-    """Fits to bootstrap replicates of the data. The states of a replicate are drawn at random with replacement.
+    """Fits to bootstrap replicates: states drawn at random, with replacement, from the measured states.
 
     `initial_shear_modulus_interval_95_Pa` holds the 2.5 % and 97.5 % percentiles of the initial shear modulus (Efron
-    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3). With fewer than 40 replicates this field is
-    null.
+    and Tibshirani 1993, An Introduction to the Bootstrap, section 13.3); null with fewer than 40 replicates.
     """
 
     drawn: Literal["states"] = "states"
@@ -59,10 +52,7 @@ class BootstrapRecord(Record):
 
     @staticmethod
     def of(replicates: Sequence[ReplicateRecord]) -> BootstrapRecord:
-        """Return the record of a fit that was repeated on random samples of the states (bootstrap replicates).
-
-        The record contains all repetitions and the 95 % interval of the initial shear modulus.
-        """
+        """Return the record of all bootstrap replicates, with the 95 % interval of the initial shear modulus."""
         moduli = [replicate.initial_shear_modulus_Pa for replicate in replicates]
         enough = len(moduli) >= FEWEST_FOR_INTERVAL
         low, high = np.quantile(moduli, [0.025, 0.975]) if enough else (0.0, 0.0)

@@ -1,14 +1,6 @@
-"""Log the generations of a fit or of a grid of fits, so that an interrupted fit can be resumed.
+"""Log the generations (sets of trial parameters) of a search, so that an interrupted search can be resumed.
 
-A checkpoint consists of JSON lines. The first line gives the laws, data and options of the fits. Each generation adds a
-line with the objectives (misfits) of its candidates (trial parameters), and each finished fit adds a line.
-
-CMA-ES is deterministic: with the same seed and the same objectives it proposes the same candidates. A resumed search
-therefore proposes the logged candidates again, and reads their objectives instead of computing them. Numbers are
-written with all their digits, so that the resumed search continues exactly as without the interruption. Processors of
-another kind round differently in the last digit. The numbers of a repeated generation may therefore differ from the
-logged numbers by a millionth of their size. An incomplete line is skipped, and the generation of this line is computed
-again.
+A checkpoint consists of JSON lines: first the laws, data and options, then a line for each generation and fit.
 """
 
 from __future__ import annotations
@@ -40,11 +32,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Head(Record):
-    """The first line of a checkpoint: laws, data, options and versions of its fits.
-
-    A checkpoint is the log with which an interrupted fit can be resumed. A fit is resumed only if the current inputs
-    give the same first line.
-    """
+    """The first line of a checkpoint (log of a search): laws, data, options and versions."""
 
     fits: tuple[str, ...]
     datasets: tuple[str, ...]
@@ -53,12 +41,7 @@ class Head(Record):
 
 
 class GenerationLine(Record):
-    """A line of a checkpoint: one generation of the search for one fit.
-
-    A generation is a group of candidates (sets of parameters) that the search tries together. The line holds the index
-    of the fit in the first line of the checkpoint, the objectives of the candidates (the errors in mm that the search
-    minimises), and the progress of the search.
-    """
+    """A line of a checkpoint (log of a search): the errors (mm) of all parameter sets that were tried together."""
 
     fit: int
     generation: int
@@ -69,16 +52,14 @@ class GenerationLine(Record):
 
 
 class FinishedLine(Record):
-    """A line of a checkpoint: a finished fit, and its index in the list of fits in the first line of the checkpoint."""
+    """A line of a checkpoint (log of a search): a finished fit."""
 
     fit: int
     finished: FitRecord | ReplicateRecord
 
 
 class Checkpoint:
-    """A new or resumed checkpoint file, to which this process and its workers append lines.
-
-    The file is locked against other programs during the lifetime of this object.
+    """A new or resumed checkpoint file (log of a search), locked against other programs.
 
     Parameters
     ----------
@@ -115,17 +96,16 @@ class Checkpoint:
 
     @staticmethod
     def of(path: Path | None, head: Head, *, resume: bool, force: bool) -> Checkpoint:
-        """Open the checkpoint that the command line names: the log with which an interrupted fit can be resumed.
+        """Open the checkpoint (log of a search) that the command line names.
 
-        `resume` continues an existing file, and `force` replaces it. Raises InputError for `--resume` without
-        `--checkpoint`.
+        `resume` continues an existing file, `force` replaces it. Raises InputError if `resume` is given without a path.
         """
         if path is None:
             raise InputError("--resume: give the checkpoint of the interrupted fit, --checkpoint FILE")
         return Checkpoint(path, head, resume=resume, force=force)
 
     def _lines(self) -> list[Any]:
-        """Return the decoded JSON of each complete line of the checkpoint; incomplete lines are skipped."""
+        """Return the decoded JSON of each complete line."""
         complete = []
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
@@ -166,21 +146,15 @@ class Checkpoint:
         return generations, finished
 
     def finished(self) -> dict[int, FitRecord | ReplicateRecord]:
-        """Return the finished fits by the index of each fit in the first line of the checkpoint."""
+        """Return the finished fits, by the index of the fit."""
         return {line.fit: line.finished for line in self._read()[1]}
 
     def finish(self, fit: int, record: FitRecord | ReplicateRecord) -> None:
-        """Append a finished fit to the checkpoint.
-
-        `fit` is the index of the fit in the first line of the checkpoint.
-        """
+        """Append a finished fit to the checkpoint (log of a search)."""
         _append(self.path, FinishedLine(fit=fit, finished=record))
 
     def log_of(self, fit: int) -> GenerationLog:
-        """Return the log of one fit; `fit` is its index in the first line of the checkpoint.
-
-        The log contains the stored generations up to the first missing generation. The search adds new generations.
-        """
+        """Return the log of the fit with the index `fit`."""
         by_number: dict[int, GenerationLine] = {}
         for line in self._read()[0]:
             if line.fit == fit:
@@ -193,12 +167,7 @@ class Checkpoint:
 
 @dataclass
 class GenerationLog:
-    """The generations of the search for one fit, as a checkpoint contains them.
-
-    A generation is one set of candidate parameters that CMA-ES proposes together. The search calls this object after
-    each generation. A new generation is appended to the checkpoint. A generation that the checkpoint contains already
-    is only compared with the stored one.
-    """
+    """The logged generations of one search; a generation is a group of parameter sets that are tried together."""
 
     path: Path
     fit: int
@@ -207,14 +176,11 @@ class GenerationLog:
 
     @property
     def replay(self) -> tuple[Objectives, ...]:
-        """Return the logged objectives. A resumed search uses these objectives instead of computing them.
-
-        An objective is the error (mm) of one candidate, that is, of one set of parameters. The search minimises it.
-        """
+        """Return the logged errors (mm) of all parameter sets that a search has tried."""
         return tuple(Objectives(line.objective_mm, line.unconverged, line.unstable) for line in self.logged)
 
     def __call__(self, generation: Generation, objectives: Objectives) -> None:
-        """Append a new generation (set of candidate parameters with their objectives) to the checkpoint.
+        """Append a new generation (parameter sets that were tried together) to the log.
 
         Raises OtherSearch if a repeated generation differs from the logged generation.
         """
@@ -240,21 +206,16 @@ class GenerationLog:
 
 
 def _same(replayed: Generation, logged: Generation) -> bool:
-    """Return whether a repeated generation of a search agrees with the logged one, apart from rounding errors.
-
-    Processors of different kinds round differently in the last digits.
-    """
+    """Return whether a repeated generation of a search agrees with the logged one, apart from rounding errors."""
+    # Processors of different kinds round differently in the last digits.
     pairs = zip(astuple(replayed), astuple(logged), strict=True)
     return all(math.isclose(replayed_number, logged_number, rel_tol=_SAME) for replayed_number, logged_number in pairs)
 
 
 def _append(path: Path, line: Record, fresh: bool = False) -> None:
-    """Append one line to the checkpoint with a single write, and flush the line to the disk.
-
-    Because each line is a single write, the lines of several processes do not mix. The line break is written before the
-    line, so that an incomplete last line of the file does not damage the new line. If `fresh` is true, an existing file
-    is replaced.
-    """
+    """Append one line to the checkpoint, or replace an existing file if `fresh` is true."""
+    # A single write, so that the lines of several processes do not mix. The line break comes first, so that an
+    # incomplete last line of the file does not damage the new line.
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | (os.O_TRUNC if fresh else 0)
     descriptor = patiently(lambda: os.open(path, flags, 0o666))
     try:

@@ -20,10 +20,16 @@ _SHOWN = 12  # alternatives that are printed
 
 
 def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **options: Any) -> Discovery:
-    """Discover which terms of the strain energy the law of a material needs, from datasets and tensile curves.
+    """Discover which terms of the strain energy the law of a material needs.
 
-    `evidence` holds the datasets, each with its beam model, loads and edges. `curves` holds the tensile curves.
-    `options` are the options of `eimi_fitting.discovery.terms_of_a_law.discover`.
+    Parameters
+    ----------
+    evidence : sequence of Evidence
+        Datasets of bending beams.
+    curves : sequence of FileCurve
+        Tensile curves.
+    **options
+        Options of `eimi_fitting.discovery.terms_of_a_law.discover`.
 
     Raises
     ------
@@ -45,7 +51,7 @@ def discovered(evidence: Sequence[Evidence], curves: Sequence[FileCurve], **opti
 
 
 def library_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """Return the terms of the strain energy with these names; without names, all terms that the program knows.
+    """Return the terms of the strain energy with these names; all known terms if there are no names.
 
     Raises InputError for a wrong name.
     """
@@ -58,10 +64,7 @@ def library_of(names: Sequence[str]) -> tuple[Term, ...]:
 def content(
     discovery: Discovery, evidence: Sequence[Evidence], curves: Sequence[FileCurve], **numbers: float
 ) -> dict[str, Any]:
-    """Return the result of a discovery (the search for the terms of a law) in the form of discovery.json.
-
-    `numbers` are further entries of the file, by name, such as the seed of the search.
-    """
+    """Return the content of discovery.json: the discovered terms of a law, and further entries from `numbers`."""
     return {
         "statement": discovery.statement,
         "identified": discovery.identified,
@@ -101,8 +104,7 @@ def _alternative(law: Alternative) -> dict[str, Any]:
 def lines(discovery: Discovery, output: Path) -> list[str]:
     """Return the lines that `eimi discover` prints about the discovered law and its alternatives.
 
-    The alternatives are sets of terms that the data cannot distinguish from the best set. If some are not printed, the
-    last line names the file `output`, which lists all of them.
+    `output` is the file that lists all alternatives.
     """
     printed = [discovery.statement]
     for law in discovery.alternatives[:_SHOWN]:

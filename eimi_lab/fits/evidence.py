@@ -55,32 +55,29 @@ class Evidence:
     Attributes
     ----------
     path : Path
-        The dataset file.
+        Dataset file.
     sha256 : str
         Hash of the file.
     experiment : Experiment
         Beam model, loads, and measured edges or tracked points of the used states.
     states : tuple of State
-        The used states. A state is one load step: the beam at rest under one current and one weight.
+        Used states (load steps).
     used : StatesUsed
-        The indices of the used states and of the states left out, with their flags (failed quality checks).
+        Indices of the states used and left out.
     taken_as_exact : tuple of str
-        Keys of the input files for which no uncertainty is given. If a file gives no uncertainty at all, one word
-        replaces all its keys: `dimensions` for the specimen, `calibration` for the calibration.
+        Inputs without a given uncertainty.
     doubts : tuple of str
         Contradictions between the measured edges and the calibration.
     rest_shape : MeasuredRestShape or None
-        The shape at rest, if it was measured and differs from the shape in the specimen file.
+        Measured shape at rest, if it differs from the specimen file.
     poisson_ratio : float
-        Poisson's ratio in the specimen file. The fit does not use it, but `assumptions.compressibility_remark` gives
-        the resulting error of the modulus.
+        Poisson's ratio in the specimen file.
     field_line : FieldLine or None
-        The measured line of field against current; None if the field is computed from the coil constant in the
-        calibration.
+        Measured line of field against current.
     typed_mT_per_A : float or None
-        The coil constant in the calibration.
+        Coil constant in the calibration.
     heating : MeasuredHeating or None
-        The measured temperature of the coil, compared with the computed temperature.
+        Measured temperature of the coil.
     """
 
     path: Path
@@ -97,7 +94,7 @@ class Evidence:
     heating: MeasuredHeating | None = None
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the measured edges or tracked points of the used states, in the beam frame."""
+        """Return a matplotlib figure of the measured edges or tracked points."""
         from eimi_lab.dataset.plotting import OF_BEAM, drawn_places  # matplotlib is slow to import
 
         observed = self.experiment.observed
@@ -131,18 +128,18 @@ def load_evidence(
     flagged: bool = False,
     report: Callable[[str], None] = silent,
 ) -> Evidence:
-    """Read a dataset as evidence (beam model, loads and edges). If the dataset has no edges, find the edges first.
+    """Read from a dataset what a fit needs: beam model, loads and edges.
 
     Parameters
     ----------
     path : str or Path
-        The dataset file.
+        Dataset file.
     section : {"solid", "plane-strain", "plane-stress"}, optional
-        Model of the cross-section, which replaces the model in the specimen file.
+        Model of the cross-section; by default that of the specimen file.
     flagged : bool
-        Whether to use states with a flag, which is the name of a defect that a check found.
+        Whether to use states that failed a quality check.
     report : callable
-        Called with a line after the edges of each state are found.
+        Called with a line of text when the edges of a state are known.
 
     Raises
     ------
@@ -167,11 +164,7 @@ def load_evidence(
 
 
 def _evidence(dataset: Dataset, path: Path, section: Section | None, flagged: bool) -> Evidence:
-    """Return the evidence (beam model, loads and measurements) from a dataset that contains edges or tracked points.
-
-    `section` replaces the model of the cross-section in the specimen file. If `flagged` is true, states with a serious
-    flag (failed quality check) are used, too. Raises InputError if no state can be used.
-    """
+    """Return beam model, loads and measurements of a dataset. Raises InputError if no state can be used."""
     if not dataset.states and (dataset.ring_downs() or dataset.creeps()):
         raise InputError(f"{path}: holds a recorded motion and no states; fit the motion with --time prony")
     specimen = dataset.specimen.mechanics()
@@ -213,14 +206,14 @@ def _measured_rest_shape(dataset: Dataset, experiment: Experiment) -> MeasuredRe
 
 
 def experiment_so_far(dataset: Dataset, edges: Sequence[EdgeSet]) -> Experiment | None:
-    """Return what a fit needs from a dataset to which a run still adds states: beam model, loads and edges so far.
+    """Return beam model, loads and measured edges of an unfinished run.
 
     Parameters
     ----------
     dataset : Dataset
-        An open dataset, to which a run may still add states (load steps).
+        Dataset to which a run still adds states (load steps).
     edges : sequence of EdgeSet
-        The edges of the first states; they need not be stored in the dataset.
+        Edges of the first states.
 
     Returns
     -------
@@ -268,7 +261,7 @@ def loads_of_states(dataset: Dataset, states: Sequence[State]) -> Loads:
 
 
 def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
-    """Return the uncertainties that the specimen, calibration and rig of a dataset specify.
+    """Return the uncertainties in the specimen, calibration and rig files of a dataset.
 
     Raises InputError if a table of uncertainties is wrong.
     """
@@ -283,10 +276,10 @@ def sources_of(dataset: Dataset) -> tuple[StatedSource, ...]:
 
 
 def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
-    """Return the names of the inputs for which the files of specimen and calibration give no uncertainty.
+    """Return the names of the inputs without a given uncertainty.
 
-    A fit takes these inputs as exact. If the specimen file gives no uncertainty at all, the word `dimensions` replaces
-    the names of its inputs. For a calibration without any uncertainty, the word `calibration` replaces them.
+    `dimensions` replaces all names of the specimen file, and `calibration` all names of the calibration file, if the
+    file gives no uncertainty at all.
     """
     specimen, calibration = dataset.specimen, dataset.calibration
     keys = missing_keys(WHOLE_FILES[0], specimen.uncertainty, specimen.uncertain_keys())
@@ -298,10 +291,9 @@ def taken_as_exact(dataset: Dataset) -> tuple[str, ...]:
 
 
 def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
-    """Return the indices of the used states (load steps), and the edges or tracked points of these states.
+    """Return the indices of the usable states, with their edges or tracked points.
 
-    If `flagged` is true, states with a serious flag (failed quality check) are used, too. Raises InputError if no state
-    can be used.
+    Raises InputError if no state can be used.
     """
     if dataset.kind == "points":
         points = dataset.points()
@@ -325,11 +317,7 @@ def _observed(dataset: Dataset, flagged: bool) -> tuple[list[int], Observation]:
 
 
 def _used(dataset: Dataset, edges: Sequence[EdgeSet], flagged: bool) -> list[int]:
-    """Return the indices of the states (load steps) of a dataset that a fit can use.
-
-    Such a state has at least 10 points on each edge. A state with a serious flag (the name of a defect) is used only if
-    `flagged` is true.
-    """
+    """Return the indices of the states whose edges can be used; if `flagged`, also states that failed a check."""
     return [
         i
         for i, (state, pair) in enumerate(zip(dataset.states, edges, strict=False))
@@ -347,11 +335,7 @@ def _edge_observation(dataset: Dataset, edges: Sequence[EdgeSet], used: Sequence
 
 
 def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> float:
-    """Return how much the flags (defects) of a state increase the standard deviation of its edge points, mm.
-
-    Each flag has a standard deviation of its own, and the result is their root sum of squares. The fit adds the result
-    in quadrature to the standard deviation of each edge point.
-    """
+    """Return the additional standard deviation (mm) of the edge points in a state with defects."""
     calibration, beam = dataset.calibration, dataset.specimen.specimen
     if calibration is None or not edges:
         return 0.0
@@ -360,10 +344,7 @@ def _widening_mm(dataset: Dataset, edges: Sequence[EdgeSet], index: int) -> floa
 
 
 def _widened(pair: EdgeSet, by_mm: float) -> tuple[Array, Array, Array, Array]:
-    """Return four arrays in mm: points and standard deviations of the left edge, then those of the right edge.
-
-    The standard deviation `by_mm` has been added in quadrature to that of each point.
-    """
+    """Return points and standard deviations (mm) of the left edge, then of the right edge, widened by `by_mm`."""
     left, right = pair.left, pair.right
     return left.points_mm, np.hypot(left.sigma_mm, by_mm), right.points_mm, np.hypot(right.sigma_mm, by_mm)
 
@@ -393,10 +374,7 @@ def _view(dataset: Dataset) -> View | None:
 
 
 def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
-    """Return a warning if the edges show perspective, and the calibration does not give the distance of the lens.
-
-    The result is a tuple with this sentence, or an empty tuple.
-    """
+    """Return a warning if the edges show perspective, and the calibration gives no distance of the lens."""
     calibration, depth_mm = dataset.calibration, dataset.specimen.specimen.depth_mm
     if calibration is None or not isinstance(observed, EdgeObservation) or observed.view:
         return ()
@@ -415,7 +393,7 @@ def _lens_doubts(dataset: Dataset, observed: Observation) -> tuple[str, ...]:
 
 
 def _first_flag(edges: tuple[EdgeSet, ...]) -> str:
-    """Return a sentence with the first flag (defect) in the edges of a dataset, and with its remedy."""
+    """Return a sentence with the first defect in the edges of a dataset, and its remedy."""
     flags = [flag for pair in edges for flag in pair.flags]
     if not flags:
         return "the frames show no beam"

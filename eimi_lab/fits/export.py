@@ -29,24 +29,23 @@ def check_solver(solver: str) -> str:
 
 
 def choose_fit(path: Path, fits: Sequence[AnyFit], model: str, index: int | None) -> AnyFit:
-    """Choose the fit of a law from the fits of a file.
+    """Return the fit of a law from the fits of a file.
 
     Parameters
     ----------
     path : Path
-        The file, for messages.
+        File, for messages.
     fits : sequence of FitRecord or TensileRecord
-        The fits in the file.
+        Fits in the file.
     model : str
         Name of the law.
     index : int or None
-        Index of the fit in the file; required if the file holds several fits of the law.
+        Index of the fit in the file; None if the file has one fit of the law.
 
     Raises
     ------
     InputError
-        If the file has no fit of the law with this index, or if the file has several fits of the law and no index is
-        given.
+        If no fit matches, or if several fits match.
     """
     of_model = {i: fit for i, fit in enumerate(fits) if fit.model == model}
     in_file = ", ".join(f"{i} ({fit.model}{_window(fit)})" for i, fit in enumerate(fits))
@@ -89,7 +88,7 @@ def bulk_modulus_Pa(fit: AnyFit, bulk_modulus_kPa: float | None, bulk_ratio: flo
 def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
     """Return the material card of a fit (the input of a finite-element program) as text.
 
-    Raises InputError for a law that the program lacks, or for a wrong bulk modulus.
+    Raises InputError if the program lacks the law, or if the bulk modulus is wrong.
     """
     material = Material(
         LAWS[fit.model],
@@ -113,11 +112,7 @@ def card(path: Path, fit: AnyFit, solver: str, bulk_Pa: float) -> str:
 
 
 def _origin(path: Path, fit: AnyFit) -> list[str]:
-    """Return the comment lines of a material card, which say how the constants of the card were identified.
-
-    The lines name the files of the data, the largest strain in the data, the intervals of the constants, and reasons to
-    distrust the fit.
-    """
+    """Return the comment lines of a material card: data, largest strain, intervals and doubts."""
     lines = fit.caveats()
     held = fit.held_by_bounds()
     for name, quantity in fit.parameters.items():

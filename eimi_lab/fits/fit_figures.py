@@ -27,11 +27,11 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
     Parameters
     ----------
     law : Law
-        The hyperelastic law.
+        Hyperelastic law.
     parameters : ndarray, shape (n,)
-        The n parameters of the law.
+        Parameters of the law.
     drawn : ndarray, shape (D, n)
-        D random samples (draws) of the n parameters from the result of the fit, for the 95 % band.
+        D random samples of the parameters, for the shaded 95 % interval.
     max_stretch : float
         Largest stretch in the data.
     """
@@ -54,11 +54,9 @@ def drawn_law(law: Law, parameters: Array, drawn: Array, max_stretch: float) -> 
 def drawn_errors(
     states: Sequence[int], field_mT: Sequence[float], error_mm: Sequence[float], deviation_mm: Sequence[float]
 ) -> Drawing:
-    """Draw the error of a fit in each state (mm) against the field (mT).
+    """Draw the error of a fit (mm) in each state against the field (mT), with bars of one standard deviation.
 
-    The error is the root mean square distance of the measured points from the simulated points. The bars show the
-    standard deviation of these distances (mm). If the field is constant, the errors are drawn against the index of the
-    state.
+    If the field is constant, the horizontal axis is the index of the state.
     """
     x, words = by_field(field_mT, states)
     drawing = Drawing(3.0, 4.8)
@@ -73,10 +71,9 @@ def drawn_errors(
 
 @styled
 def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array, distance_mm: Array) -> Drawing:
-    """Draw the residuals of a fit (distances of measured from simulated points) against the arc length of each edge.
+    """Draw the distances of measured from simulated points against the arc length of each edge.
 
-    `distance_mm` and `arc_length_mm` have the shape (K, 2, m) for K states, 2 edges and m points of an edge. Each state
-    has a line, whose colour shows the field of the state (`field_mT`, shape (K,)).
+    `distance_mm` and `arc_length_mm` have the axes state, edge and point; `field_mT` has the axis state.
     """
     values = field_mT if np.ptp(field_mT) > 0 else np.arange(float(len(field_mT)))
     scale = ScalarMappable(Normalize(values.min(), max(values.max(), values.min() + 1e-9)), colormaps[IN_ORDER])
@@ -101,9 +98,9 @@ def drawn_residuals(edges: Sequence[str], field_mT: Array, arc_length_mm: Array,
 
 @styled
 def drawn_errors_of_several(errors: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> Drawing:
-    """Draw the errors of several fits or datasets against the field, with a line for each name of a fit or dataset.
+    """Draw the errors of several fits or datasets against the field.
 
-    `errors` holds for each name the fields (mT) and the errors (mm) of the states.
+    `errors` holds, by name, the fields (mT) and the errors (mm) of the states.
     """
     drawing = Drawing(3.0, 4.8)
     axes = drawing.subplots()

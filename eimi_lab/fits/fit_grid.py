@@ -1,7 +1,4 @@
-"""Compute a grid of fits: laws × datasets × seeds × bootstrap replicates. Each fit is one task for the workers.
-
-A bootstrap replicate consists of states that are drawn at random, with replacement, from the measured states.
-"""
+"""Fit all combinations of laws, datasets, seeds and bootstrap replicates (random samples of the states)."""
 
 from __future__ import annotations
 
@@ -37,7 +34,7 @@ class Task:
     replicate: int = 0
 
     def __str__(self) -> str:
-        """Return the law, the datasets, the seed and the bootstrap replicate (sample of states) of a fit as text."""
+        """Return law, datasets, seed and bootstrap replicate as text."""
         words = [self.model, *(str(e.path) for e in self.evidence), f"seed {self.seed}"]
         return " ".join([*words, f"replicate {self.replicate}"] if self.replicate else words)
 
@@ -45,25 +42,25 @@ class Task:
 def grid(
     models: Sequence[str], evidence: Sequence[Evidence], seeds: Sequence[int], *, each: bool = False, bootstrap: int = 0
 ) -> list[Task]:
-    """Return one task for each combination of law, datasets, seed and bootstrap replicate.
+    """Return a task for each combination of law, datasets, seed and bootstrap replicate.
 
     Parameters
     ----------
     models : sequence of str
         Names of the laws.
     evidence : sequence of Evidence
-        The datasets, each with its beam model and loads.
+        Datasets.
     seeds : sequence of int
-        Seeds of the random numbers of the search.
+        Seeds of the random numbers.
     each : bool
-        Whether each dataset is fitted separately; otherwise all datasets are fitted together.
+        Whether each dataset is fitted separately.
     bootstrap : int
-        Number of bootstrap replicates (random samples of the states) of each fit.
+        Number of bootstrap replicates (random samples of the states).
 
     Raises
     ------
     InputError
-        If a dataset has too few states for a bootstrap, or if no material could explain its states.
+        If a dataset has too few states, or if no material could explain its states.
     """
     check_evidence(evidence)
     groups = [(e,) for e in evidence] if each else [tuple(evidence)]
@@ -93,32 +90,29 @@ def fit_grid(
     report: Callable[[str], None] = silent,
     underway: Callable[[str], None] = silent,
 ) -> list[FitRecord]:
-    """Compute the fits of a grid, and return the fits to the measured data.
-
-    Each of these fits also contains the fits to its bootstrap replicates (random samples of the states).
+    """Compute the fits, and return those to the measured data, in the order of the tasks.
 
     Parameters
     ----------
     tasks : sequence of Task
-        The fits to compute, from `grid`.
+        Fits to compute, from `grid`.
     options : mapping
-        Keyword arguments of `eimi_fitting.identify`, equal for all tasks.
+        Keyword arguments of `eimi_fitting.identify`.
     executor : callable, optional
-        Starts the workers; without an executor the fits are computed in this process.
+        Starts worker processes; by default all fits are computed in this process.
     checkpoint : Checkpoint, optional
-        The file that stores the progress, so that interrupted fits can be continued.
+        Log of the search, from which an interrupted search is resumed.
     share_checkpoint : bool
-        Whether the workers write each generation into the checkpoint. The workers must then have access to the file.
-        If false, only finished fits are written.
+        Whether the workers can write to the checkpoint.
     report : callable
-        Called with a line after each task.
+        Called with a line of text after each task.
     underway : callable
-        Called with a line after each generation of a search in this process.
+        Called with a line of text during a search in this process.
 
     Returns
     -------
     list of FitRecord
-        The fits to the measured data, in the order of the tasks.
+        Fits to the measured data, each with the fits to its bootstrap replicates.
 
     Raises
     ------
@@ -161,11 +155,7 @@ def fit_grid(
 
 @dataclass
 class _Underway:
-    """The function that a search calls after each generation: it logs the generation and shows the progress.
-
-    `task` describes the fit, `tell` shows a line of text to the user, and `log` appends the generation to a checkpoint
-    (a file that stores the progress). Without a checkpoint `log` is None.
-    """
+    """The function that a search calls with each set of trial parameters: it logs them and shows the progress."""
 
     task: str
     tell: Callable[[str], None]
@@ -189,10 +179,9 @@ def _record(task: Task, outcome: Callable[[], Fit]) -> FitRecord | ReplicateReco
 
 
 def _with_replicates(tasks: Sequence[Task], done: Mapping[int, FitRecord | ReplicateRecord]) -> Iterator[FitRecord]:
-    """Yield the fits to the measured data in the order of the tasks, each with the fits to its bootstrap replicates.
+    """Yield the fits to the measured data, each with the fits to its bootstrap replicates.
 
-    A replicate consists of states drawn at random from the measured states. `done` contains the result of each task by
-    the index of the task.
+    `done` contains the result of each task by the index of the task.
     """
     fits: list[tuple[FitRecord, list[ReplicateRecord]]] = []
     for index in range(len(tasks)):

@@ -29,22 +29,13 @@ _LARGEST = 5  # each of the five largest sources has its own line; all smaller s
 
 
 def remarks(fit: FitRecord) -> list[str]:
-    """Return lines on the details of one fit.
-
-    The lines concern the quantities that the data determine, the sources of uncertainty, uncertain inputs that were
-    fitted, tensile curves, possible causes of the residuals, the grade (support by the data) and reasons to distrust
-    the fit.
-    """
+    """Return lines on one fit: determined quantities, uncertainties, tensile curves, residuals, grade and doubts."""
     lines = [*what_is_fixed(fit), *budget_lines(fit), *what_was_fitted_beside(fit), *cause_lines(fit)]
     return [*lines, *_grade_lines(fit), *_doubts(fit)]
 
 
 def _grade_lines(fit: FitRecord) -> list[str]:
-    """Return one line with the grade of a fit: how well the data and the checks support the fit.
-
-    The line gives the reason for the grade only if the fit has no doubts (reasons to distrust the fit), because doubts
-    are printed elsewhere.
-    """
+    """Return a line with the grade of a fit: how well data and checks support the fit."""
     support = grade(fit)
     return [f"verdict: {support.name}" + ("" if fit.doubts_in_words() else f". {support.words}")]
 
@@ -52,7 +43,7 @@ def _grade_lines(fit: FitRecord) -> list[str]:
 def cause_lines(fit: FitRecord) -> list[str]:
     """Return a line with the two most probable causes of the residuals, such as a tilted camera.
 
-    Residuals are the distances of measured from simulated points. The list is empty if no causes were compared.
+    The list is empty if no causes were compared.
     """
     within = "within the stated uncertainty, "
     words = [
@@ -82,10 +73,7 @@ def what_is_fixed(fit: FitRecord) -> list[str]:
 
 
 def what_was_fitted_beside(fit: FitRecord) -> list[str]:
-    """Return lines on everything that a fit used or determined in addition to the law and the datasets.
-
-    These are the priors, the uncertain inputs that were fitted together with the law, and the tensile curves.
-    """
+    """Return lines on priors, fitted uncertain inputs and tensile curves of a fit."""
     lines = fit.priors_in_words()
     for value in fit.freed:
         lines.append(
@@ -125,10 +113,7 @@ def evidence_remarks(evidence: Sequence[Evidence]) -> list[str]:
 
 
 def budget_lines(fit: FitRecord) -> list[str]:
-    """Return lines on the sources of uncertainty of the modulus, in descending order of their effect on the modulus.
-
-    The last line names the quantity to measure better next.
-    """
+    """Return lines on the sources of uncertainty of the modulus, the largest first."""
     modulus, lines = fit.initial_shear_modulus, []
     for entry in fit.budget[:_LARGEST]:
         effect = f"± {_percent(entry.effect_percent)} of the modulus"
@@ -152,25 +137,19 @@ def budget_lines(fit: FitRecord) -> list[str]:
 
 
 def all_together_percent(fit: FitRecord) -> float:
-    """Return the standard uncertainty of the modulus due to all sources of uncertainty together, in per cent."""
+    """Return the standard uncertainty of the modulus due to all sources together, in per cent."""
     return float(np.sqrt(sum(entry.effect_percent**2 for entry in fit.budget)))
 
 
 def entry_words(entry: BudgetEntry, fit: FitRecord) -> str:
-    """Return the name of a source of uncertainty.
-
-    The names of the datasets are added if the source concerns only some datasets of the fit.
-    """
+    """Return the name of a source of uncertainty, with the datasets that it concerns."""
     if len(entry.datasets) == len(fit.datasets):
         return entry.words
     return f"{entry.words} of {', '.join(fit.datasets[d].path for d in entry.datasets)}"
 
 
 def next_sentence(fit: FitRecord) -> str:
-    """Return a sentence with the quantity to measure better next.
-
-    The sentence also gives the interval of the modulus to expect after this measurement.
-    """
+    """Return a sentence on the quantity to measure better next, and on the resulting interval of the modulus."""
     low, high = fit.measure_next.initial_shear_modulus_interval_95_Pa
     interval = f"the interval would be [{low:.0f}, {high:.0f}] Pa"
     if fit.measure_next.source is None:
@@ -183,10 +162,7 @@ def _percent(value: float) -> str:
 
 
 def comparison_table(choices: Sequence[Choice]) -> list[str]:
-    """Return the lines of a table that compares the laws.
-
-    The list is empty if the laws cannot be compared, because they were not fitted to the same data.
-    """
+    """Return the lines of a table that compares laws; empty if the laws were not fitted to the same data."""
     if not choices:
         return []
     lines = ["law              unknowns    AICc     BIC   weight   error on states left out"]
@@ -212,7 +188,7 @@ def points_in_words(choices: Sequence[Choice]) -> str:
 
 
 def too_few_in_words(choices: Sequence[Choice]) -> list[str]:
-    """Return a list with a sentence on the laws that have no AICc (information criterion) because of too few data.
+    """Return a sentence on the laws without the criterion AICc, for which there are too few data.
 
     The list is empty if all laws have an AICc.
     """
@@ -232,7 +208,7 @@ def _kPa(pascal: float) -> str:
 
 
 def signed(value: float, unit: str) -> str:
-    """Return a deviation with its sign and unit. A deviation without a unit (unit "1") is written in per cent."""
+    """Return a deviation with sign and unit as text; in per cent if the unit is "1"."""
     return f"{significant(100 * value, 2, '+')} %" if unit == "1" else f"{significant(value, 2, '+')} {unit}"
 
 

@@ -35,9 +35,9 @@ AnyFit = Annotated[
 
 
 class Fits(Record):
-    """The content of fits.json: the fits in their order, and the comparison of the fitted laws.
+    """The content of fits.json: the fits, and the comparison of the fitted laws.
 
-    `fits[0]` is the first fit, and `fits["yeoh"]` is the first fit of the Yeoh law. The comparison is empty unless
+    `fits[0]` is the first fit, and `fits["yeoh"]` the first fit of the Yeoh law. The comparison is empty unless
     different laws were fitted to the same bending data.
     """
 
@@ -46,7 +46,7 @@ class Fits(Record):
 
     @staticmethod
     def of(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> Fits:
-        """Return an object `Fits` with the given fits, and with the comparison of the fitted laws."""
+        """Return an object with the given fits and the comparison of their laws."""
         return Fits(fits=tuple(fits), comparison=_comparison(fits))
 
     def write(self, path: str | Path, force: bool = False) -> Path:
@@ -65,7 +65,7 @@ class Fits(Record):
     def __getitem__(self, which: int | str) -> FitRecord | TensileRecord | RingDownRecord:
         """Return the fit with this index, or the first fit of the law with this name.
 
-        Raises InputError if fits.json has no fit with this index or of this law.
+        Raises InputError if there is no such fit.
         """
         if isinstance(which, int):
             return self.fits[which]
@@ -90,10 +90,7 @@ class Fits(Record):
 
 
 def _comparison(fits: Sequence[FitRecord | TensileRecord | RingDownRecord]) -> tuple[Choice, ...]:
-    """Return a comparison of the laws in a file of fits, with one entry for each fit, in the order of the fits.
-
-    The result is empty unless at least two different laws were fitted to the same bending data, each law once.
-    """
+    """Compare the fitted laws; empty unless different laws were fitted to the same bending data."""
     bending = [fit for fit in fits if isinstance(fit, FitRecord)]
     data = {
         (
@@ -134,7 +131,7 @@ _EXPECTED = "expected a file that `eimi fit` or `eimi tensile` of this release w
 
 
 def read_fits_file(path: str | Path) -> Fits:
-    """Read fits.json. Raises InputError with the file and the key that is wrong."""
+    """Read fits.json. Raises InputError with the file and the wrong key."""
     path = Path(path)
     if is_dataset(path):
         raise InputError(
@@ -155,10 +152,7 @@ def read_fits_file(path: str | Path) -> Fits:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Return the first fault in a file that the package pydantic has found, as `key: reason`.
-
-    pydantic also names the types that it tried for the value. These names are left out of the key.
-    """
+    """Return the first fault that the package pydantic has detected in a file, as `key: reason`."""
     first = error.errors()[0]
     keys = [str(key) for key in first["loc"]]
     if keys[:1] == ["fits"]:

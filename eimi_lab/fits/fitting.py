@@ -26,10 +26,7 @@ def check_models(models: Sequence[str]) -> list[str]:
 
 
 def check_section(section: str | None) -> Section | None:
-    """Return the model of the cross-section that the option `--section` names; None without the option.
-
-    Raises InputError for an unknown name.
-    """
+    """Return the model of the cross-section with this name; None for None. Raises InputError for an unknown name."""
     for name in get_args(Section):
         if section == name:
             return name
@@ -50,10 +47,9 @@ REFUSALS = (
 
 
 def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
-    """Return the InputError that tells the user why a fit was refused, with the path of the dataset.
+    """Return the message for the user why the data cannot be fitted, with the path of the dataset.
 
-    `error` is the exception by which the fit refused the data, for example because no material explains them. It is of
-    one of the kinds in the constant `REFUSALS`.
+    `error` is the exception that the fit raised.
     """
     if isinstance(error, NotExplained):
         dataset = evidence[error.experiment]
@@ -65,6 +61,6 @@ def refused(error: Exception, evidence: Sequence[Evidence]) -> InputError:
 
 
 def check_evidence(evidence: Sequence[Evidence]) -> None:
-    """Check all datasets before a search. Raises InputError if no material could explain a dataset's states."""
+    """Check all datasets before a search. Raises InputError if no material could explain a dataset."""
     for dataset in evidence:
         check_states(dataset.path, dataset.experiment, dataset.states)

@@ -13,16 +13,14 @@ _PREDICTED = 1.5  # a prediction succeeds if its error is below this many times 
 
 @dataclass(frozen=True)
 class Grade:
-    """The grade of a fit.
-
-    The grade says how well the data and the checks support the fit.
+    """The grade of a fit: how well the data and the checks support it.
 
     Attributes
     ----------
     name : str
-        One of the grades that the function `grade` lists.
+        Name of the grade.
     words : str
-        Sentences with the reason for the grade.
+        Sentences with the reason.
     """
 
     name: str
@@ -35,9 +33,9 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
     Parameters
     ----------
     fit : FitRecord
-        The fit to grade.
+        Fit to grade.
     unseen : iterable of Validation
-        Errors of the fit on datasets of specimens to which the law was not fitted.
+        Errors of the fit on other specimens.
 
     Returns
     -------
@@ -46,14 +44,10 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
 
         - "not determined": the data do not determine the modulus;
         - "doubted": a check raised a doubt;
-        - "noise only": the interval contains only noise and the error of the mesh, because no uncertainty of an input
-          is given;
-        - "budget stated": the interval contains the uncertainties of the inputs;
-        - "predicted unseen states": the law also predicted states (load steps) that were left out of the fit;
-        - "predicted an unseen specimen": the law also predicted another specimen.
-
-        For "noise only", "budget stated" and "predicted unseen states", the attribute `words` also names the specimens
-        that the law did not predict.
+        - "noise only": the interval contains only noise and the error of the mesh;
+        - "budget stated": the interval also contains the uncertainties of the inputs;
+        - "predicted unseen states": the law predicted states (load steps) that were left out of the fit;
+        - "predicted an unseen specimen": the law predicted another specimen.
     """
     if "initial_shear_modulus" in fit.held_by_bounds():
         return Grade("not determined", "The data do not determine the modulus.")
@@ -89,11 +83,7 @@ def grade(fit: FitRecord, unseen: Iterable[Validation] = ()) -> Grade:
 
 
 def _is_predicted(fit: FitRecord, validation: Validation) -> bool:
-    """Return whether a law predicts a specimen to which it was not fitted.
-
-    This is so if the mean error on this specimen is less than 1.5 times the mean error on the fitted states. The lower
-    end of the 95 % interval of the mean error is compared, if the interval is known.
-    """
+    """Return whether the error on another specimen is less than 1.5 times the error on the fitted states."""
     if validation.mean_error_mm is None:
         return False
     least = validation.mean_error_interval_mm[0] if validation.mean_error_interval_mm else validation.mean_error_mm

@@ -1,7 +1,4 @@
-"""The part of the record of a fit that is the same for fits to bending, to tension and to ring-downs.
-
-It contains the law, its parameters and the reasons to distrust the result, and makes tables of them.
-"""
+"""The part of a result file that fits to bending, to tension and to ring-downs (free vibrations) have in common."""
 
 from __future__ import annotations
 
@@ -27,16 +24,13 @@ STRICT = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 
 
 class Record(BaseModel):
-    """The base class of the parts of a result file. A record is immutable, and unknown keys in the file are errors."""
+    """The immutable base class of the parts of a result file; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Stability(Record):
-    """The criterion for the stability of a law, and the largest stable stretch.
-
-    The largest stable stretch is null if the law is stable at all checked stretches.
-    """
+    """The criterion for the stability of a law, and the largest stable stretch (null if all stretches are stable)."""
 
     criterion: str
     stable_up_to_stretch: float | None
@@ -49,27 +43,26 @@ _HELD_BY = "not measured (their intervals contain zero or are determined by the 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class LawRecord:
-    """The result of a fit of a law to bending, to tension or to ring-downs (free vibrations of the beam).
+    """The result of a fit of a law to bending, to tension or to ring-downs (free vibrations).
 
     Attributes
     ----------
     model : str
         Name of the law.
     parameters : dict of Quantity
-        Values of the parameters with 95 % intervals, by name of the parameter, in the order of the law.
+        Values and 95 % intervals by name of the parameter.
     initial_shear_modulus : Quantity
-        The initial shear modulus with its 95 % interval.
+        Value and 95 % interval.
     max_stretch : float
         Largest principal stretch in the data.
     stability : Stability
-        The largest stretch at which the law is stable, with the criterion.
+        Largest stable stretch, with the criterion.
     doubts : tuple of Doubt
-        Reasons to distrust the result. A doubt about a state contains the index of the state in the dataset.
+        Reasons to distrust the result.
     draws : Draws or None
-        Random samples (draws) from the joint distribution of parameters and uncertain inputs; null in files of earlier
-        releases.
+        Random samples of parameters and uncertain inputs from the result of the fit.
     versions : dict of str
-        Versions of Python and of the packages that computed the fit.
+        Versions of Python and of the packages.
     """
 
     model: str
@@ -103,21 +96,18 @@ class LawRecord:
         return [quantity.value for quantity in self.parameters.values()]
 
     def drawn(self, most: int | None = None) -> Array:
-        """Return random samples (draws) of the law's parameters from the result of the fit, shape (D, n).
+        """Return D random samples of the n parameters of the law from the result of the fit, shape (D, n).
 
-        The rows are the D draws, and the columns the n parameters. D is at most `most`, and 0 if the fit has no draws.
-        If the fit has more draws than `most`, the returned draws are evenly spaced in the order of increasing modulus.
+        D is at most `most`, and 0 if the fit has no samples.
         """
         if self.draws is None:
             return np.zeros((0, len(self.parameters)))
         return self._evenly(np.array(self.draws.values)[:, : len(self.parameters)], most)
 
     def drawn_deviation(self, name: str, most: int | None = None) -> Array | None:
-        """Return by how much the input `name` deviates from its given value in each of D draws, shape (D,).
+        """Return the deviation of an uncertain input from its given value in D random samples of the fit, shape (D,).
 
-        Draws are random samples from the result of the fit, which contain the parameters of the law and the uncertain
-        inputs. Element i belongs to the same draw as row i of `drawn`. The deviations have the unit of the input. None
-        is returned if the draws do not contain the input.
+        None if the samples do not contain the input. The samples are in the order of `drawn`.
         """
         if self.draws is None or name not in self.draws.names:
             return None
@@ -139,7 +129,7 @@ class LawRecord:
         return []
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the bounds of the search limit, because the data do not."""
+        """Return the names of the parameters that only the bounds of the search limit."""
         return ()
 
     def stretch_in_words(self) -> str:
@@ -156,11 +146,7 @@ class LawRecord:
         )
 
     def caveats(self) -> list[str]:
-        """Return the lines that must accompany the numbers of a fit.
-
-        The lines concern the interval, the undetermined parameters, the limits of stretch and stability, and the
-        reasons to distrust the fit.
-        """
+        """Return lines on the limits of a fit: interval, undetermined parameters, stretch, stability and doubts."""
         held = self.held_by_bounds()
         return [
             f"initial shear modulus {self.modulus_in_words()}, 95 % interval",
@@ -175,16 +161,12 @@ class LawRecord:
         return []
 
     def doubts_in_words(self) -> list[str]:
-        """Return each reason to distrust a fit in words, with the dataset, the state or the curve that it concerns."""
+        """Return each reason to distrust a fit in words."""
         return [doubt.words for doubt in self.doubts]
 
     @field_serializer("doubts")
     def _without_kinds(self, doubts: tuple[Doubt, ...]) -> list[dict[str, Any]]:
-        """Return the doubts (reasons to distrust the fit) in the form for a result file, each as a JSON object.
-
-        The attribute `kind` is left out, because only this program uses it. Attributes that a later release added are
-        left out if they are empty, so that the file stays the same as before.
-        """
+        """Return the reasons to distrust the fit as JSON objects for a result file."""
         written = [{key: value for key, value in vars(doubt).items() if key != "kind"} for doubt in doubts]
         return [{k: v for k, v in doubt.items() if v or k not in ("modulus_percent", "short")} for doubt in written]
 
@@ -194,8 +176,7 @@ class LawRecord:
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of the parameters and the initial shear modulus, with their 95 % intervals.
 
-        The column `held_by_bounds` is true if the data do not determine the value. Raises ImportError without
-        pandas.
+        The column `held_by_bounds` is true if the data do not determine the value. Raises ImportError without pandas.
         """
         rows = [
             {
@@ -211,17 +192,14 @@ class LawRecord:
         return data_frame(rows, "parameter")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of stress against strain of the fitted law in uniaxial tension, with a 95 % band.
-
-        Strains beyond the data of the fit are shaded.
-        """
+        """Return a matplotlib figure of stress against strain in uniaxial tension, with the 95 % interval."""
         from eimi_lab.fits.fit_figures import drawn_law  # matplotlib is slow to import
 
         law = LAWS[self.model]
         return drawn_law(law, np.array(self.values()), self.drawn(200), self.max_stretch)
 
     def summary(self) -> str:
-        """Return one line about a fit: the name of the law, and the initial shear modulus with its 95 % interval."""
+        """Return one line: the name of the law, and the initial shear modulus with its 95 % interval."""
         return f"{self.model}: initial shear modulus {self.modulus_in_words()}"
 
     def __repr__(self) -> str:

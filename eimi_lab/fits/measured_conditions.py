@@ -1,9 +1,4 @@
-"""The loads and uncertainties of a dataset whose field was measured.
-
-A measured field replaces the coil constant in the calibration. The slope of the measured line of field against current
-(`dataset.measured_field`) is used as the coil constant, and the offset of the line as a background field. Both have the
-uncertainties of the line.
-"""
+"""The loads and uncertainties of a dataset whose magnetic field was measured."""
 
 from __future__ import annotations
 
@@ -23,11 +18,7 @@ REPLACED = frozenset({"coil", "offset"})
 
 
 def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
-    """Return loads whose background field along the axis of the coil is the measured field without a current.
-
-    This field is the offset of the line that was fitted to the readings of the gaussmeter. It replaces the background
-    field that the calibration gives along the axis. Without a measured field the loads are unchanged.
-    """
+    """Return loads with the measured field at zero current as the background field along the axis of the coil."""
     line = dataset.field_line
     if line is None or dataset.calibration is None:
         return loads
@@ -38,13 +29,9 @@ def with_measured_offset(loads: Loads, dataset: Dataset) -> Loads:
 
 
 def stated_by_measurement(dataset: Dataset, states: Sequence[State]) -> tuple[StatedSource, ...]:
-    """Return the standard uncertainties of a measured field: one of its scale factor, and one of its offset.
+    """Return the standard uncertainties of a measured field: one of the scale factor, and one of the offset.
 
-    A fit assumes that the errors of the scale factor and of the offset are the same in all states. If the field was
-    read from a gaussmeter, a line of field against current was fitted, and the uncertainties of its slope and of its
-    offset are returned. Imported data may instead give one uncertainty for each state. Then the scale factor has the
-    relative uncertainty of the strongest field, and the offset has the uncertainty of the weakest field. The result is
-    empty if the field was not measured.
+    The result is empty if the field was not measured.
     """
     if (line := dataset.field_line) is not None:
         share = line.mT_per_A_sigma / abs(line.mT_per_A)

@@ -11,26 +11,24 @@ from eimi_lab.fits.law_record import Record
 
 
 class MeasuredField(Record):
-    """The straight line of field against current that was fitted to the readings of a gaussmeter.
-
-    A fit uses this line instead of the coil constant in the calibration.
+    """The straight line of field against current, fitted to the readings of a gaussmeter.
 
     Attributes
     ----------
     source : str
-        Name and identification of the gaussmeter.
+        Name of the gaussmeter.
     mT_per_A, mT_per_A_sigma : float
-        Slope of the line, and standard uncertainty of the slope.
+        Slope, and its standard uncertainty.
     offset_mT, offset_mT_sigma : float
-        Field at zero current (remanence, background and zero of the probe), and standard uncertainty of this field.
+        Field at zero current, and its standard uncertainty.
     scatter_mT : float
-        Standard deviation of the readings about the line, mT.
+        Standard deviation of the readings about the line.
     currents : int
-        Number of different currents at which the gaussmeter was read.
+        Number of different currents.
     scale_is_stated : bool
-        Whether the rig gives an uncertainty of the gaussmeter's scale; otherwise the scale is taken as exact.
+        Whether an uncertainty of the gaussmeter's scale is known.
     stated_mT_per_A : float or None
-        The coil constant that the calibration gives.
+        Coil constant in the calibration.
     """
 
     source: str
@@ -63,11 +61,7 @@ class MeasuredField(Record):
 
     @property
     def in_words(self) -> str:
-        """Return a text about the measured line of field against current, for people.
-
-        The text gives the name of the gaussmeter, slope and offset with their uncertainties, and the coil constant in
-        the calibration.
-        """
+        """Return a text with gaussmeter, slope and offset of the measured field, and the coil constant."""
         stated = self.stated_mT_per_A
         percent = "" if not stated else f" ({100 * (self.mT_per_A / stated - 1):+.1f} %)"
         replaced = "" if stated is None else f", in place of coil_constant_mT_per_A = {stated:g}{percent}"
@@ -86,9 +80,9 @@ class MeasuredTemperature(Record):
     Attributes
     ----------
     mean_degC, lowest_degC, highest_degC : float
-        Mean, lowest and highest temperature, °C.
+        Temperatures in °C.
     states : int
-        Number of used states with a measured temperature.
+        Number of states with a measured temperature.
     """
 
     mean_degC: float

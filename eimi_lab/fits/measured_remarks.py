@@ -1,4 +1,4 @@
-"""Sentences on measured fields and temperatures of datasets, and on their differences between datasets."""
+"""Sentences on measured fields and temperatures of datasets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DIFFERENT_SIGMA = 3.0
 
 
 def measured_field_remark(evidence: Evidence) -> str | None:
-    """Return a sentence on the measured field that a fit uses; None if the coil constant is used instead."""
+    """Return a sentence on the measured field; None if the field was not measured."""
     measured = MeasuredField.of(evidence)
     return None if measured is None else f"{evidence.path}: the fit uses the field that {measured.in_words}"
 

@@ -1,8 +1,4 @@
-"""The options of a fit: all inputs that determine its numbers, except data, law and seed.
-
-Each field is an option of the command line and an entry of a checkpoint. Slow imports are delayed until an option is
-used, because the command line needs only the fields.
-"""
+"""The options of a fit that determine the numbers of the result."""
 
 from __future__ import annotations
 
@@ -112,10 +108,7 @@ class FitOptions:
 
     @property
     def has_law_of_time(self) -> bool:
-        """Whether a viscoelastic (Prony) law is fitted, as the option ``--time`` specifies.
-
-        Raises InputError for an unknown value of the option.
-        """
+        """Whether a viscoelastic (Prony) law is fitted. Raises InputError for an unknown value of ``--time``."""
         if self.time not in _LAWS_OF_TIME:
             raise InputError(f"--time {self.time}: should be one of {', '.join(_LAWS_OF_TIME)}")
         return self.time != "none"
@@ -138,11 +131,11 @@ class FitOptions:
         }
 
     def head(self) -> dict[str, Any]:
-        """Return the options for the first line of a checkpoint, the log of a fit; a hash replaces each file."""
+        """Return the options for the first line of a checkpoint (log of a search); a hash replaces each file."""
         return {**asdict(self), "tensile": [curve.sha256 for curve in self._curves]}
 
     def check_laws(self, models: Sequence[str]) -> None:
-        """Raise InputError if the option `--prior` names a parameter that one of these laws does not have."""
+        """Raise InputError if the option `--prior` names a parameter that no law of `models` has."""
         from eimi_fitting.inference.evidence.parameter_priors import check_priors
         from eimi_fitting.laws import LAWS
 
@@ -153,9 +146,7 @@ class FitOptions:
                 raise InputError(f"--prior: {error}") from error
 
     def load(self, path: Path) -> Evidence:
-        """Return the beam model, loads and edges of a dataset, with the cross-section of the option `--section`.
-
-        States with flags (names of defects) are used if the options ask for such states.
+        """Return beam model, loads and edges of a dataset, read with these options.
 
         Raises
         ------
@@ -168,12 +159,12 @@ class FitOptions:
         return load_evidence(path, section=check_section(self.section), flagged=self.include_flagged)
 
     def check(self, evidence: Sequence[Evidence]) -> None:
-        """Check that no dataset occurs twice, and that each dataset can determine the uncertain inputs of ``--free``.
+        """Check the datasets of a fit with these options.
 
         Raises
         ------
         InputError
-            If two datasets have the same content, or if a quantity cannot be freed for a dataset.
+            If two datasets have the same content, or if a dataset cannot determine an input of ``--free``.
         """
         from eimi_fitting.inference.evidence.sources import SOURCES
 
@@ -198,11 +189,7 @@ class FitOptions:
 
     @staticmethod
     def _check_spread(prior: NuisancePrior, dataset: Evidence) -> None:
-        """Raise InputError if no standard deviation is known for an uncertain input that is fitted with the law.
-
-        `prior` is the Gaussian prior of the input that the option `--free` names. Its standard deviation may be left
-        out if the input files of `dataset` give an uncertainty of the input.
-        """
+        """Raise InputError if no standard deviation is known for an uncertain input that is fitted with the law."""
         from eimi_fitting.inference.evidence.sources import SOURCES
 
         if prior.spread is not None:

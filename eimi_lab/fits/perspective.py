@@ -1,21 +1,11 @@
 """Detect in the measured edges that the lens is not telecentric: near parts of the beam look larger than far parts.
 
-An ordinary lens shows the near face of the beam larger than the far face, and the outline in the picture encloses both
-faces. Let S be the stand-off of the lens (its distance from the beam), and a the distance of an edge from the optical
-axis, measured along the normal of the edge. To first order the edge appears farther out by a · depth / (2 S). A bent
-beam therefore appears wider where its edges are farther from the axis.
+At the stations s (fractions of the arc length) of all states, the apparent width w of the beam is fitted by
 
-A second effect also widens the outline: the cross-section of a bent beam bows across its depth by about κ depth² / 16,
-where κ is the curvature of the beam. To separate the two effects, the apparent width w is fitted by
+    w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b).
 
-    w = w₀(s) + b a + c κ,    a = a_left + a_right,    S = depth / (2 b)
-
-at all stations s along the beam and in all states. A station is a place on the beam, given as a fraction of the arc
-length. The two edges have the distances a_left and a_right, and b and c are coefficients of the fit. The width w₀ of
-each station is free, so that an irregular shape of the beam has no influence.
-
-A bent beam also becomes slightly thinner, which the fit neglects. Therefore the estimated S is too large by some tenths
-of its value. The stand-off should be measured and not taken from this estimate.
+Here w₀ is the width at each station, a_left and a_right are the distances of both edges from the optical axis, κ is the
+curvature of the beam, b and c are coefficients, and S is the distance of the lens from the beam (stand-off).
 """
 
 from __future__ import annotations
@@ -41,9 +31,9 @@ class SeenDepth:
     Attributes
     ----------
     stand_off_mm : float
-        The stand-off of the lens (its distance from the beam) that explains the edges.
+        Distance of the lens from the beam.
     change_mm : float
-        The largest change of the beam's width in the picture due to this stand-off.
+        Largest resulting change of the beam's apparent width.
     """
 
     stand_off_mm: float
@@ -51,16 +41,14 @@ class SeenDepth:
 
 
 def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> SeenDepth | None:
-    """Estimate the stand-off of the lens (its distance from the beam) from the edges in several states (load steps).
-
-    The result is None if the edges show no significant perspective.
+    """Estimate the distance of the lens from the beam; None without significant perspective in the edges.
 
     Parameters
     ----------
     observed : EdgeObservation
-        The measured edges in all states (load steps).
+        Measured edges in all states (load steps).
     centre_mm : ndarray, shape (2,)
-        x and y in the beam frame of the intersection of the optical axis with the plane of the beam.
+        x and y of the optical axis in the plane of the beam.
     depth_mm : float
         Depth of the beam.
     """
@@ -77,21 +65,18 @@ def seen_depth(observed: EdgeObservation, centre_mm: Array, depth_mm: float) -> 
 
 
 def _slope(profiles: Array) -> float:
-    """Return how much the beam appears wider for each mm from the optical axis, by a linear fit.
+    """Return how much the beam appears wider for each mm from the optical axis.
 
-    `profiles` has the shape (K, 3, m) for K states and m stations (places along the beam). Its second axis contains the
-    apparent width, the sum of the distances of both edges from the optical axis, and the curvature. At each station,
-    only changes between the states count, so that an irregular width of the beam has no influence.
+    `profiles` has the axes state, row of `_profile`, and station (place along the beam).
     """
     width, distance, curvature = (profiles - profiles.mean(axis=0)).transpose(1, 0, 2).reshape(3, -1)
     return float(np.linalg.lstsq(np.stack([distance, curvature], axis=1), width, rcond=None)[0][0])
 
 
 def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
-    """Return three profiles of the beam in state k at m stations (places along the beam), shape (3, m).
+    """Return apparent width (mm), sum of the distances of both edges from the optical axis (mm), and curvature (1/mm).
 
-    The rows are the apparent width (mm), the sum of the distances of both edges from the optical axis (mm), and the
-    curvature (1/mm).
+    The shape is (3, m), for m stations along the beam.
     """
     left, right = (
         side[np.isfinite(sigma)] for side, sigma in zip(observed.points_mm[k], observed.sigma_mm[k], strict=True)
@@ -107,20 +92,16 @@ def _profile(observed: EdgeObservation, k: int, centre_mm: Array) -> Array:
 
 
 def _at_stations(points: Array) -> Array:
-    """Return x and y of an edge at the m stations, shape (m, 2). A station is a fixed fraction of the arc length.
-
-    `points` contains x and y of n points of the edge, shape (n, 2).
-    """
+    """Return x and y of an edge at m fixed fractions of the arc length, shape (m, 2)."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = _STATIONS * length[-1]
     return np.stack([np.interp(at, length, points[:, i]) for i in range(2)], axis=1)
 
 
 def _crossing(points: Array, middle: Array, normal: Array) -> Array:
-    """Return the signed distance of an edge from the middle line, along the normals at m middle points, shape (m,).
+    """Return the signed distance of an edge from m points, along the unit normals at these points, shape (m,).
 
-    `points` contains n points of the edge, shape (n, 2). `middle` contains the middle points, and `normal` the unit
-    vectors normal to the middle line at these points, both of shape (m, 2). The last axes contain x and y.
+    `points`, `middle` and `normal` have x and y in the last axis.
     """
     tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     arms = points[None] - middle[:, None]

@@ -1,20 +1,12 @@
-"""The gain from a ring-down in a planned run: the expected interval of the modulus with and without a ring-down.
+"""The expected interval of the modulus with and without a ring-down (free vibration) in a planned run.
 
-A run of static states determines only the ratio of the modulus to the magnetic moment, so that an error of the moment
-is also an error of the modulus. A ring-down is the free vibration of the beam after a load was removed. In zero field,
-its frequency and the mass of the beam determine the modulus without the moment. This dynamic modulus is larger than the
-static modulus. If creep is recorded, a viscoelastic (Prony) law gives the difference of the two moduli.
+Let s and d be the logarithms of the modulus from the static states and from the ring-down. To first order,
 
-Let s be the logarithm of the modulus from the static states. Let d be the logarithm of the modulus from the ring-down,
-from which the computed difference was subtracted. To first order in the errors δ of the inputs, each divided by its
-standard uncertainty,
+    s = x + a · δ + n_s,    d = x + r + b · δ + n_d,
 
-    s = x + a · δ + n_s,    d = x + r + b · δ + n_d.
-
-Here x is the logarithm of the true static modulus, and r is the error of the computed difference. The vectors a and b
-are the changes of s and d for a unit error of each input, and n_s and n_d are noise. The best linear estimate of x has
-the variance 1 / (1ᵀ C⁻¹ 1), where C is the covariance matrix of s and d, and 1 is the vector (1, 1) (Gauss-Markov
-theorem).
+where x is the true value, δ holds the errors of the inputs in standard uncertainties, a and b are the changes for a
+unit error, r is the error of the correction from the dynamic to the static modulus, and n_s and n_d are noise. The best
+linear estimate of x has the variance 1 / (1ᵀ C⁻¹ 1), with the covariance matrix C of s and d (Gauss-Markov theorem).
 """
 
 from __future__ import annotations
@@ -46,24 +38,20 @@ _MAGNETIC = ("moment", "coil", "remanence")  # sources that only multiply the ma
 
 @dataclass(frozen=True)
 class ExpectedRingDown:
-    """The expected 95 % intervals of the modulus, as half-widths, for a run with one ring-down in zero field.
-
-    A ring-down is the free vibration of the beam after a load was removed.
+    """Expected half-widths of the 95 % intervals for a run with one ring-down (free vibration) in zero field.
 
     Attributes
     ----------
     frequency_Hz : float
-        Frequency of the ring-down for the modulus of the earlier fit. The true frequency is higher, because the dynamic
-        modulus is higher.
+        Expected frequency of the ring-down.
     dynamic_percent : float
-        Half-width for the dynamic modulus from the ring-down alone, %.
+        Half-width for the modulus from the ring-down alone.
     without_percent, with_percent : float
-        Half-widths for the modulus of the static states, %: without a ring-down, and with a ring-down and creep.
+        Half-widths for the static modulus, without and with a ring-down and creep.
     moment_share_percent : float
-        Part of ``without_percent`` that comes from the magnetic moment and the field, %.
+        Part of ``without_percent`` due to the magnetic moment and the field.
     moment_percent : float or None
-        Half-width for the magnetic moment and the field if ring-down and creep are recorded, %. None if no magnetic
-        input is uncertain.
+        Half-width for the magnetic moment and the field with ring-down and creep.
     """
 
     frequency_Hz: float
@@ -75,7 +63,7 @@ class ExpectedRingDown:
 
     @property
     def in_words(self) -> str:
-        """Return a sentence with the expected intervals of the modulus, with and without a recorded ring-down."""
+        """Return a sentence with the expected intervals of the modulus, with and without a ring-down."""
         moment = ""
         if self.moment_percent is not None:
             moment = (
@@ -98,25 +86,24 @@ def expected_ring_down(
     static_percent: float,
     effects: Mapping[str, float],
 ) -> ExpectedRingDown | None:
-    """Return the intervals of the modulus to expect if a ring-down (a free vibration) is added to a planned run.
+    """Return the expected intervals of the modulus if a ring-down (free vibration) is added to a run.
 
     Parameters
     ----------
     known : KnownLaw
-        The law and parameters of an earlier fit.
+        Law and parameters of an earlier fit.
     specimen : Specimen
-        The beam and its magnet.
+        Beam and magnet.
     gravity_angle_deg : float or None
         Angle of gravity in the beam frame; None without gravity.
     tip_weight_N : float
-        Weight at the tip; its mass moves with the tip.
+        Weight at the tip.
     stated : sequence of StatedSource
-        The sources of uncertainty in the input files, such as the moment, with their standard uncertainties.
+        Uncertain inputs with their standard uncertainties.
     static_percent : float
-        Expected half-width (%) of the 95 % interval of the modulus from the static states alone.
+        Expected half-width (%) of the 95 % interval from the static states alone.
     effects : mapping of str to float
-        By name of the source of uncertainty: the change of the static modulus (%), with its sign, for one standard
-        uncertainty.
+        By name of an uncertain input: change of the static modulus (%) for one standard uncertainty.
 
     Returns
     -------
@@ -160,11 +147,9 @@ def expected_ring_down(
 def _effects_percent(
     beam: RingingBeam, modulus: float, frequency_Hz: float, gain: float, stated: Sequence[StatedSource]
 ) -> dict[str, float]:
-    """Return the change of the modulus from a ring-down (%) if an input is larger by its standard uncertainty.
+    """Return, by name of an uncertain input, the change of the modulus (%) for one standard uncertainty.
 
-    A ring-down is a free vibration. The result maps the name of each uncertain input, such as the width, to the
-    change, which has a sign. `frequency_Hz` is the frequency of the beam for the shear modulus `modulus` (Pa). `gain`
-    is the relative change of the modulus, divided by the relative change of the frequency.
+    `modulus` is in Pa; `gain` is the relative change of the modulus for a relative change of the frequency.
     """
     effects: dict[str, float] = {}
     for one in stated:

@@ -1,9 +1,4 @@
-"""Plan the next run: choose states, mounting and specimen for a goal, within the limits of a rig.
-
-A mounting is the specimen together with the conditions that stay the same during a run: the direction of gravity, the
-weight at the tip, and whether both signs of the current are used. The mathematics is in
-`eimi_fitting.inference.planning.design_of_experiment`.
-"""
+"""Plan the next run: choose states, mounting and specimen for a goal, within the limits of a rig."""
 
 from __future__ import annotations
 
@@ -49,14 +44,14 @@ _GRID = 41  # currents among which the states are chosen
 
 @dataclass(frozen=True)
 class Mounting:
-    """The specimen of a planned run, the way it is mounted, and its loads apart from the field.
+    """The specimen of a planned run, its mounting, and its loads apart from the field.
 
     Attributes
     ----------
     specimen : SpecimenFile
-        The beam and its magnet.
+        Beam and magnet.
     gravity_angle_deg : float or None
-        Angle of gravity in the beam frame; None if gravity does not bend the beam.
+        Angle of gravity in the beam frame; None without gravity.
     tip_weight_g : float
         Weight at the tip.
     both_polarities : bool
@@ -83,31 +78,23 @@ class Mounting:
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """The chosen states of a run in one mounting, compared with the same number of equally spaced states.
-
-    A mounting is a specimen, the direction of gravity, the weight at the tip, and whether both signs of the current are
-    used.
+    """The chosen states (load steps) of a run, compared with the same number of equally spaced states.
 
     Attributes
     ----------
     mounting : Mounting
-        The mounting of this run.
+        Specimen, gravity and tip weight.
     currents_A : tuple of float
-        The currents of the chosen states. If each current is repeated with the opposite sign, only the positive
-        currents.
+        Currents of the chosen states; only the positive ones if both signs are used.
     expected, spaced : float
-        Expected half-width of the 95 % interval of the modulus or parameter in per cent, for the chosen states and for
-        equally spaced states. If the goal is to distinguish two laws: the expected difference of AIC in favour of the
-        first law.
+        Expected half-width (%) of the 95 % interval, or expected difference of AIC between two laws: for the chosen
+        states, and for equally spaced states.
     effects_percent : dict of float
-        By source of uncertainty: the standard deviation (%) of the modulus or parameter due to this source, the largest
-        first.
+        By uncertain input: resulting standard deviation (%) of the modulus or parameter.
     signed_percent : dict of float
-        By source of uncertainty: the change (%) of the modulus or parameter if the uncertain input deviates by its
-        standard uncertainty.
+        By uncertain input: change (%) of the modulus or parameter for one standard uncertainty.
     ring_down : ExpectedRingDown or None
-        The intervals of the modulus with a ring-down (a free vibration) in zero field. None unless the goal is the
-        modulus and the run is the best of the planned runs.
+        Intervals of the modulus with a ring-down (free vibration), if computed.
     """
 
     mounting: Mounting
@@ -134,18 +121,18 @@ class Goal:
         Parameters
         ----------
         path : Path
-            The fits file, for messages.
+            Fits file, for messages.
         fits : sequence of FitRecord or TensileRecord
-            The fits of the file.
+            Fits of the file.
         model : str or None
-            The law; needed if the file holds several laws.
+            Name of the law; None if the file holds one law.
         words : str
             `modulus`, a parameter of the law, or another law of the file.
 
         Raises
         ------
         InputError
-            If the file has no fit of the law to a bending beam, or if the goal does not exist.
+            If no fit to a bending beam matches, or if the goal does not exist.
         """
         bending = {fit.model: fit for fit in fits if isinstance(fit, FitRecord)}
         if not bending:
@@ -168,13 +155,13 @@ class Goal:
         )
 
     def in_words(self) -> str:
-        """Return the goal of a planned run as the heading of a table column, with the unit of the expected results."""
+        """Return the heading of a table column with the expected results, with unit."""
         if self.rival:
             return f"comparison of {self.fit.model} with {self.rival.model}, expected difference of AIC"
         return f"{self.parameter} of {self.fit.model}, expected half-width of the 95 % interval"
 
     def value(self, number: float) -> str:
-        """Return the expected result of a planned run as text: a half-width in per cent, or a difference of AIC."""
+        """Return the expected result of a planned run as text."""
         return f"{number:.3g}" if self.rival else f"± {number:.3g} %"
 
 
@@ -190,15 +177,15 @@ def mountings(
     Parameters
     ----------
     specimens : sequence of SpecimenFile
-        The specimens that could be measured.
+        Available specimens.
     rig : Rig
-        The rig file, which describes the instruments and gives the usual angle of gravity.
+        Rig file, with the default angle of gravity.
     gravity_angles : sequence of float
-        Angles of gravity in the beam frame in degrees; if empty, the angle of the rig.
+        Angles of gravity in the beam frame in degrees; if empty, that of the rig.
     weights : sequence of float
         Weights at the tip in grams; if empty, no weight.
     both_polarities : bool
-        Whether to consider also runs that repeat each state with the current reversed.
+        Whether runs with both signs of the current are also considered.
 
     Raises
     ------
@@ -219,33 +206,30 @@ def mountings(
 
 
 def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, states: int) -> list[PlannedRun]:
-    """Choose the best states for a goal in each mounting.
-
-    A mounting is a specimen, the direction of gravity, the weight at the tip, and whether both signs of the current are
-    used.
+    """Choose the best states (load steps) for a goal in each mounting.
 
     Parameters
     ----------
     goal : Goal
-        The quantity that the run should determine, or the two laws that it should distinguish.
+        Quantity to determine, or two laws to distinguish.
     choices : sequence of Mounting
-        The mountings to compare.
+        Mountings to compare.
     rig : Rig
-        The rig file, with the limits and the uncertainties of the instruments.
+        Rig file, with the limits and uncertainties of the instruments.
     protocol : Protocol
-        Limits that apply in addition to the limits of the rig.
+        Additional limits.
     states : int
         Number of states.
 
     Returns
     -------
     list of PlannedRun
-        The best mounting first.
+        Best run first.
 
     Raises
     ------
     InputError
-        If more states are wanted than there are currents, or if the beam has an equilibrium in too few states.
+        If there are too few currents to choose from, or if the beam has an equilibrium in too few states.
     """
     currents = _currents(rig, protocol)
     if states > len(currents):
@@ -261,10 +245,7 @@ def plan(goal: Goal, choices: Sequence[Mounting], rig: Rig, protocol: Protocol, 
 
 
 def _with_ring_down(goal: Goal, run: PlannedRun, rig: Rig) -> PlannedRun:
-    """Return a planned run with the intervals of the modulus that an added ring-down (free vibration) would give.
-
-    If the goal is not the modulus, the run is returned unchanged.
-    """
+    """Return a planned run with the expected intervals of the modulus after an added ring-down (free vibration)."""
     if goal.rival or goal.parameter != MODULUS:
         return run
     mounting = run.mounting
@@ -332,12 +313,10 @@ def _planned(goal: Goal, mounting: Mounting, rig: Rig, currents_A: Array, states
 
 
 def _in_pairs(criterion: Candidates | Rivals, currents: int) -> Candidates | Rivals:
-    """Return a design criterion in which the states at opposite currents I and -I are chosen together, as one pair.
+    """Return a design criterion in which states at opposite currents are chosen as one pair.
 
-    The criterion contains the states that can be chosen, and computes how accurate a run with some of them would be.
-    The first `currents` states have the currents I, and the next `currents` states have the currents -I in the same
-    order. A pair can be chosen if the beam has an equilibrium at both currents. Raises ValueError if fewer than two
-    pairs can be chosen.
+    `currents` is the number of positive currents; the states are in the order I, then -I. Raises ValueError for fewer
+    than two pairs.
     """
     place = {int(state): k for k, state in enumerate(criterion.states)}
     pairs = [(place[i], place[i + currents]) for i in range(currents) if i in place and i + currents in place]
@@ -371,7 +350,7 @@ def _noise(fit: FitRecord) -> EdgeNoise:
 
 
 def protocol_text(goal: Goal, run: PlannedRun, protocol: Protocol) -> str:
-    """Return a protocol of the planned states as TOML text; comments give goal, specimen, gravity and tip weight."""
+    """Return the planned states as a protocol in TOML."""
     both = {"both_polarities": True} if run.mounting.both_polarities else {}
     states = Currents(values_A=run.currents_A, **both)
     changed = protocol.model_copy(
@@ -404,10 +383,7 @@ def table(goal: Goal, runs: Sequence[PlannedRun]) -> list[str]:
 
 
 def content(goal: Goal, runs: Sequence[PlannedRun]) -> dict[str, Any]:
-    """Return the goal and the planned runs as a dictionary for JSON.
-
-    The goal is the quantity, or the choice between two laws, for which the states were chosen.
-    """
+    """Return the goal and the planned runs as a dictionary for JSON."""
     return {
         "goal": goal.in_words(),
         "runs": [

@@ -1,14 +1,4 @@
-"""Compute the interval of the error of a fit on a dataset, from the uncertainties of fit and dataset.
-
-The fit contains random samples (draws) from the distribution of its result. The dataset is simulated with the
-parameters of each draw and with a random deviation of each of its own uncertain inputs. The interval follows from the
-errors of all simulations.
-
-Fit and dataset may have an error in common, for example because the same coil, calibration or calliper was used. A coil
-that is weaker than stated makes the identified modulus too high. If the same coil acts on the beam of the dataset, both
-errors cancel. The deviation of such a shared input is therefore taken from the same draw as the parameters. The
-deviations of all other inputs are drawn independently.
-"""
+"""The 95 % interval of the error of a fit on a dataset, from the uncertainties of fit and dataset."""
 
 from __future__ import annotations
 
@@ -39,28 +29,22 @@ _TIMES = 25  # draws of the independent sources for each draw of the parameters
 def error_interval_mm(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence, residuals_mm: Array
 ) -> tuple[float, float | None] | None:
-    """Return the 95 % interval of the mean error of a fit on a dataset.
-
-    The fit contains draws: random samples of the parameters and the uncertain inputs. To save time, each draw is
-    simulated only on a coarse mesh. This gives the difference between the residuals of the draw and those of the fit,
-    both on the coarse mesh. The difference is added to `residuals_mm`, the residuals of the fit from a more accurate
-    simulation. The error of the coarse mesh is thus assumed to be the same for all draws.
+    """Return the 95 % interval of the mean error of a fit on a dataset (mm).
 
     Parameters
     ----------
-    fit : FitRecord or TensileRecord
-        The fit, with random samples (draws) of its result.
+    fit : FitRecord or TensileRecord or RingDownRecord
+        Fit with random samples of its result.
     evidence : Evidence
-        The dataset, with its beam model, loads and measured edges.
-    residuals_mm : ndarray, shape (K, G, m)
-        Residuals of the fit in K states. The second axis (G = 2) holds the left and right edge or, for tracked points,
-        the x and y components. The last axis holds m points. NaN where no point was measured.
+        Dataset: beam model, loads and measured edges.
+    residuals_mm : ndarray, shape (K, 2, m)
+        Residuals of the fit: K states, two edges (or x and y of tracked points), m points. NaN without a point.
 
     Returns
     -------
     tuple of float, or None
-        The lower and the upper end of the interval in mm. The interval contains the mean error of the fit. The upper
-        end is None if the beam has no equilibrium for a draw. The result is None if the fit has no draws.
+        Lower and upper end. The upper end is None if the beam has no equilibrium for a sample; the result is None
+        without samples.
     """
     candidates = np.concatenate([[fit.values()], fit.drawn(_DRAWS)])
     assumptions = assumptions_of(fit, evidence, len(candidates))
@@ -83,21 +67,20 @@ def predicted_errors_mm(
     misfit: Misfit,
     near: Configuration | None = None,
 ) -> Array:
-    """Return the mean error of a fit on a dataset for each of D draws of the fit, repeated T times.
+    """Return the mean error of a fit on a dataset for D random samples of the fit, T times.
 
-    Draws are random samples of the parameters and the uncertain inputs. Some inputs of the dataset are independent of
-    the data of the fit, for example another coil. Their deviations are drawn again in each repetition.
+    The inputs of the dataset vary at random with their uncertainties.
 
     Parameters
     ----------
-    fit : FitRecord or TensileRecord
-        The fit, with random samples (draws) of its result.
+    fit : FitRecord or TensileRecord or RingDownRecord
+        Fit with random samples of its result.
     evidence : Evidence
-        The dataset, with its beam model, loads and measured edges.
+        Dataset: beam model, loads and measured edges.
     misfit : Misfit
-        Residuals of the fit and of its D draws; the first axis has 1 + D entries, the fit first.
+        Residuals of the fit, followed by those of the D samples.
     near : Configuration, optional
-        Equilibrium of the fit on the coarse mesh in each state, as a starting point.
+        Equilibrium in each state, as a starting point.
 
     Returns
     -------
@@ -127,11 +110,7 @@ def predicted_errors_mm(
 def _uncertain_numbers(
     fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence
 ) -> list[tuple[StatedSource, int]]:
-    """Return the uncertain inputs of a dataset: a pair for each component of an input, with the input and an index.
-
-    For example, the place of the clamp has two components, x and y, with the indices 0 and 1. Inputs that were fitted
-    together with the law are left out.
-    """
+    """Return each uncertain input of a dataset with the index of a component, such as 0 for x and 1 for y."""
     freed = {source for source, _, _ in _candidate(fit, evidence).freed}
     identified = freed.union(*(SOURCES[source].covers for source in freed))
     return [
@@ -143,10 +122,7 @@ def _uncertain_numbers(
 
 
 def _candidate(fit: FitRecord | TensileRecord | RingDownRecord, evidence: Evidence) -> Candidate:
-    """Return what has to be simulated for a fit: the law with its parameters, and the values of uncertain inputs.
-
-    These inputs are those that were fitted to this dataset together with the law; there are none for another dataset.
-    """
+    """Return the law, its parameters and the fitted uncertain inputs for a simulation."""
     places = [i for i, reference in enumerate(_datasets(fit)) if reference.sha256 == evidence.sha256]
     freed = fit.freed if isinstance(fit, FitRecord) and places else ()
     return Candidate(
@@ -164,11 +140,9 @@ def _datasets(fit: FitRecord | TensileRecord | RingDownRecord) -> tuple[DatasetR
 def _shared_deviations(
     fit: FitRecord | TensileRecord | RingDownRecord, stated: StatedSource, part: int, draws: int
 ) -> Array | None:
-    """Return the errors of an input in the D draws (random samples) of a fit, in standard uncertainties, (D,).
+    """Return the errors of an input in the D samples of a fit, in standard uncertainties, shape (D,).
 
-    A prediction uses them again if the predicted dataset has the same error as the data of the fit, for example because
-    the same coil was used. The result is None for a dataset without this error. `stated` is the uncertain input of the
-    predicted dataset, and `part` the index of one of its components, such as x or y.
+    None if fit and dataset do not share this error, as they do if both used the same coil.
     """
     by_dataset = [reference.stated for reference in _datasets(fit)]
     for group in sources_shared(stated.source, by_dataset):

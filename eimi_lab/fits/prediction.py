@@ -1,9 +1,4 @@
-"""Predict the errors of fits on datasets, with their intervals, for `eimi validate`, the report and notebooks.
-
-The work is done in this process or shared among workers. There are three kinds of steps. The first step simulates all
-fits on one dataset together. If this fails for a fit, a second step simulates this fit alone. A further step computes
-the interval of the error of each fit.
-"""
+"""Predict the errors of fits on datasets, with their intervals, in one or several processes."""
 
 from __future__ import annotations
 
@@ -30,18 +25,16 @@ from eimi_lab.process.workers import completed
 def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord, path: Path, index: int) -> Validation:
     """Return the errors of a fit on a dataset, with the 95 % interval of the mean error.
 
-    The error is the root mean square distance between measured and simulated points.
-
     Parameters
     ----------
     evidence : Evidence
-        The dataset.
-    fit : FitRecord or TensileRecord
-        The fit.
+        Dataset.
+    fit : FitRecord or TensileRecord or RingDownRecord
+        Fit.
     path : Path
-        The file of the fit.
+        File of the fit.
     index : int
-        The index of the fit in its file.
+        Index of the fit in the file.
 
     Raises
     ------
@@ -53,11 +46,10 @@ def validate(evidence: Evidence, fit: FitRecord | TensileRecord | RingDownRecord
 
 
 def predict(fits: Sequence[tuple[Law, Evidence]]) -> Sequence[Prediction[Law]]:
-    """Return the simulations of several fits on one dataset, with the 95 % intervals of their mean errors.
+    """Return the simulations of several fits on one dataset, with the 95 % intervals of their errors.
 
-    Each fit comes with the evidence of the dataset: loads, measurements and a beam model whose cross-section is
-    modelled as in the fit. Raises InputError if a law was fitted to this dataset with another model of the
-    cross-section.
+    `fits` holds each fit with the dataset. Raises InputError if a law was fitted to this dataset with another model of
+    the cross-section.
     """
     *_, (_, predictions) = predict_on_each([fits])
     return predictions
@@ -69,28 +61,25 @@ def predict_on_each(
     executor: Callable[[], AbstractContextManager[Executor]] | None = None,
     meanwhile: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, list[Prediction[Law]]]]:
-    """Predict the errors of fits on several datasets, first without and then with intervals.
-
-    The intervals take longer to compute. The caller can show the errors in the meantime.
+    """Predict the errors of fits on several datasets: first without, later with intervals.
 
     Parameters
     ----------
     datasets : sequence
-        For each dataset a sequence of pairs: a fit, and the evidence of the dataset (loads, measurements and beam
-        model). The beam model has the cross-section that the fit assumes: solid, plane stress or plane strain.
+        For each dataset, the pairs of a fit and the dataset.
     step_done : callable
-        Called with a line after each simulated fit and after each interval.
+        Called with a line of text after each step.
     executor : callable, optional
-        Starts the workers that share the steps; without an executor all steps are done in this process.
+        Starts worker processes; by default this process does all steps.
     meanwhile : callable, optional
-        Called once while the workers compute; see `eimi_lab.process.workers.completed`.
+        Called once while the workers compute.
 
     Yields
     ------
     place : int
-        Index of a dataset. Each index is yielded twice: first without intervals, later with intervals.
+        Index of a dataset, once without and once with intervals.
     predictions : list of Prediction
-        The predictions of all fits on this dataset.
+        Predictions of all fits on this dataset.
 
     Raises
     ------
@@ -99,11 +88,7 @@ def predict_on_each(
     """
 
     def next_steps(step: _Step, outcome: Any) -> list[_Step]:
-        """Return the steps that can follow when `step` has ended with the result `outcome`; long steps come first.
-
-        After a simulation, the interval of its error is computed. If several fits were simulated together and this
-        failed for one of them, this fit is simulated again, alone and with the most accurate model in all states.
-        """
+        """Return the steps that follow `step`, whose result is `outcome`."""
         if step.kind == "interval":
             return []
         alone, intervals = list[_Step](), list[_Step]()
@@ -139,10 +124,7 @@ def predict_on_each(
 
 
 class _Step(NamedTuple):
-    """One task for a worker: the simulation of fits on a dataset, or the computation of an interval.
-
-    The object contains the index of the dataset and the index of the fit.
-    """
+    """One task for a worker process: the simulation of a dataset, or the computation of an interval."""
 
     kind: Literal["together", "alone", "interval"]
     dataset: int
@@ -157,10 +139,7 @@ def _called(call: Callable[[], Any]) -> Any:
 def _simulate_together(
     fits: Sequence[tuple[Law, Evidence]], step_done: Callable[[str], None]
 ) -> list[Prediction[Law] | None]:
-    """Simulate all fits on one dataset, those with the same model of the cross-section in one batch.
-
-    The results have the order of the fits. A result is None if the fit has to be simulated alone (`simulate_alone`).
-    """
+    """Simulate several fits on one dataset; None for a fit that has to be simulated alone."""
     sections = [evidence.experiment.model.specimen.section for _, evidence in fits]
     of_section = {
         section: simulate_each(evidence, [law for (law, _), s in zip(fits, sections, strict=True) if s == section])
@@ -176,7 +155,7 @@ def _simulate_together(
 
 
 def _with_interval(prediction: Prediction[Law]) -> Prediction[Law]:
-    """Return the prediction with the 95 % interval of its mean error; unchanged if the beam has no equilibrium."""
+    """Return the prediction with the 95 % interval of its mean error."""
     if not prediction.has_equilibrium:
         return prediction
     fit, evidence = prediction.fitted_law.fit, prediction.evidence
@@ -195,11 +174,7 @@ def _report(step: _Step, outcome: Any, step_done: Callable[[str], None]) -> None
 
 
 def _size(fits: Sequence[tuple[Law, Evidence]]) -> float:
-    """Return a number that is roughly proportional to the time for the simulation of a dataset.
-
-    The longest simulations are begun first. The number is the number of states times the width of the beam, divided by
-    its length.
-    """
+    """Return a number that is roughly proportional to the time for the simulation of a dataset."""
     for _, evidence in fits:
         specimen = evidence.experiment.model.specimen
         return len(evidence.states) * specimen.width_mm / specimen.length_mm

@@ -34,21 +34,21 @@ class MotionEvidence:
     Attributes
     ----------
     path : Path
-        The dataset file.
+        Dataset file.
     sha256 : str
         Hash of the file.
     specimen : Specimen
-        The beam and its magnet.
+        Beam and magnet.
     motions : tuple of RecordedMotion
         Ring-downs (free vibrations) and creep.
     stated : tuple of StatedSource
-        The sources of uncertainty that the input files specify.
+        Uncertain inputs with their uncertainties.
     taken_as_exact : tuple of str
-        Names of the inputs for which the input files give no uncertainty.
+        Inputs without a given uncertainty.
     has_states : bool
-        Whether the dataset also holds static states.
+        Whether the dataset holds static states.
     has_recording : bool
-        Whether the dataset holds a ring-down, as points or as frames that `eimi segment` can follow.
+        Whether the dataset holds a ring-down.
     """
 
     path: Path
@@ -67,7 +67,7 @@ def load_motions(path: Path) -> MotionEvidence:
     Raises
     ------
     InputError
-        If the file cannot be read, or if a weight hangs from the tip but the dataset gives no direction of gravity.
+        If the file cannot be read, or if a weight hangs from the tip but gravity has no direction.
     """
     with open_dataset(path) as dataset:
         motions = (*dataset.ring_downs(), *dataset.creeps())
@@ -110,7 +110,7 @@ def with_ring_downs(datasets: Sequence[MotionEvidence]) -> list[MotionEvidence]:
 
 
 def _recorded(dataset: Dataset, motion: Motion) -> RecordedMotion:
-    """Return a motion of a dataset (a ring-down or creep) with the loads before and during the motion."""
+    """Return a ring-down or creep with the loads before and during the motion."""
     loads = _loads(dataset, motion.to_A, motion.hanging_N)
     if motion.kind == "creep" and motion.hanging_N and not motion.tip_force_N:  # the weight was hung on the beam
         return RecordedMotion(motion, loads, ((-_LONG_S, _loads(dataset, motion.from_A, 0.0)),))
@@ -141,10 +141,7 @@ def _loads(dataset: Dataset, current_A: float, hanging_N: float) -> Loads:
 
 
 def static_states(evidence: Sequence[Evidence], record: FitRecord) -> StaticStates:
-    """Return the static states of datasets with their times, and the modulus that a fit identified from these states.
-
-    The fit of a viscoelastic law uses the modulus and the times.
-    """
+    """Return the static states of datasets with their times, and the modulus that a fit identified."""
     modulus = record.initial_shear_modulus
     low, high = modulus.interval_95_fit or modulus.interval_95
     on_picture = {
@@ -162,10 +159,7 @@ def static_states(evidence: Sequence[Evidence], record: FitRecord) -> StaticStat
 
 
 def _static_run(evidence: Evidence) -> StaticRun:
-    """Return the static states of a dataset, with the times at which they were set and measured.
-
-    If the dataset gives no times of its states, the states are assumed to follow each other every 30 s.
-    """
+    """Return the static states of a dataset, with the times at which they were set and measured."""
     with open_dataset(evidence.path) as dataset:
         clock_s = dataset.times_of_states()
     indices: NDArray[np.intp] = np.array([state.index for state in evidence.states])

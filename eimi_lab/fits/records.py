@@ -1,8 +1,4 @@
-"""The data classes of the fits in a result file.
-
-The result types of `eimi_fitting` are stored unchanged. The classes of this module add the files, currents and
-versions, which `eimi_fitting` does not know.
-"""
+"""The data classes of the fits in a result file."""
 
 from __future__ import annotations
 
@@ -39,22 +35,22 @@ Array = NDArray[np.float64]
 
 
 class StateError(Record):
-    """The error and the deviation of a fit in one state.
+    """The error of a fit in one state (load step): distances of measured from simulated points.
 
     Attributes
     ----------
     dataset : int
-        The index of the dataset in the fit.
+        Index of the dataset in the fit.
     state : int
-        The index of the state in the dataset.
+        Index of the state in the dataset.
     current_A : float or None
-        The current that was set; None if the dataset contains no currents.
+        Current that was set.
     field_mT : float
-        The field at the specimen.
+        Field at the specimen.
     error_mm : float
-        The root mean square of the distances between the measured points and the simulated edges.
+        Root mean square distance.
     deviation_mm : float
-        The standard deviation of the distances between the measured points and the simulated edges.
+        Standard deviation of the distances.
     """
 
     dataset: int
@@ -66,10 +62,10 @@ class StateError(Record):
 
     @staticmethod
     def of(evidence: Evidence, error_mm: Array, deviation_mm: Array, dataset: int = 0) -> tuple[StateError, ...]:
-        """Return error and deviation of a fit in each of the K used states of a dataset, as a result file holds them.
+        """Return the error of a fit in each used state of a dataset.
 
-        `error_mm`, shape (K,), is the root mean square distance of measured from simulated points in each state, and
-        `deviation_mm` is the standard deviation of these distances. `dataset` is the index of the dataset in the fit.
+        `error_mm` and `deviation_mm` hold the root mean square and the standard deviation of the distances in each
+        state.
         """
         return tuple(
             StateError(
@@ -90,21 +86,21 @@ class CurveRecord(Record):
     Attributes
     ----------
     path : str or None
-        The file; null for a curve that was passed as numbers.
+        File; null for a curve that was passed as numbers.
     sha256 : str
-        Hash of the file. For a curve without a file, the hash of the numbers.
+        Hash of the file or of the numbers.
     window_percent : float or None
         Largest strain in per cent; null for the whole curve.
     weight : float
-        In the joint fit, the curve has this many times the weight that follows from its noise.
+        Factor by which the weight of the curve was multiplied.
     rows : int
-        Number of rows in the window.
+        Number of used rows.
     correlation_rows : float
         Number of neighbouring rows whose residuals are correlated.
     largest_strain : float
-        Largest strain in the window, as a fraction.
+        Largest used strain.
     rmse_alone_Pa, rmse_Pa : float
-        Root mean square of the residuals of the stress, for the law fitted to this curve alone and for the joint fit.
+        Root mean square error of the stress: fit to this curve alone, and joint fit.
     """
 
     path: str | None
@@ -124,10 +120,7 @@ class CurveRecord(Record):
 
     @staticmethod
     def of(evidence: TensileEvidence, rmse_Pa: float) -> CurveRecord:
-        """Return the record of a tensile curve that was read from a file or passed as numbers.
-
-        `rmse_Pa` is the root mean square of the residuals of the stress in the joint fit.
-        """
+        """Return the record of a tensile curve; `rmse_Pa` is the root mean square error of the stress."""
         curve = evidence.curve
         file = curve if isinstance(curve, FileCurve) else None
         numbers = np.stack([curve.strain, curve.stress_Pa]).astype("<f8").tobytes()
@@ -145,14 +138,14 @@ class CurveRecord(Record):
 
 
 class DatasetReference(Record):
-    """A dataset of a fit: path, hash, model of the cross-section, used states, and given uncertainties of the inputs.
+    """A dataset of a fit: path, hash, model of the cross-section, used states, and uncertainties of the inputs.
 
     Attributes
     ----------
     measured_field : MeasuredField or None
-        The measured field that replaces the coil constant in the calibration.
+        Measured field.
     temperature : MeasuredTemperature or None
-        The measured temperature of the specimen.
+        Measured temperature of the specimen.
     """
 
     path: str
@@ -165,7 +158,7 @@ class DatasetReference(Record):
 
     @staticmethod
     def of(evidence: Evidence) -> DatasetReference:
-        """Return the entry for a dataset in a result file: path, hash, used states and uncertainties."""
+        """Return the entry for a dataset in a result file."""
         return DatasetReference(
             path=str(evidence.path),
             sha256=evidence.sha256,
@@ -182,30 +175,28 @@ class DatasetReference(Record):
         return {key: value for key, value in written.items() if value is not None}
 
     def in_words(self) -> str:
-        """Return the path, the number of used states, and the flags (names of defects) of the states of a dataset."""
+        """Return the path, the number of used states, and the defects of the states."""
         return f"{self.path}: {self.states.in_words()}"
 
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class FitRecord(IdentifiedLaw, LawRecord):
-    """A law identified from datasets of a bending beam, with the files, currents and versions of the fit.
+    """A law identified from datasets of a bending beam, with files, currents and versions.
 
     Attributes
     ----------
     by_state : tuple of StateError
-        The error of the fit in each used state (load step).
+        Error in each used state (load step).
     tensile : tuple of CurveRecord
-        Tensile curves that were fitted together with the datasets.
+        Tensile curves that were also fitted.
     taken_as_exact : tuple of str
-        Keys of the input files for which no uncertainty is given. If a file gives no uncertainty at all, one word
-        replaces all its keys: `dimensions` for the specimen, `calibration` for the calibration.
+        Inputs without a given uncertainty.
     datasets : tuple of DatasetReference
-        The datasets to which the law was fitted.
+        Datasets of the fit.
     bootstrap : BootstrapRecord or None
-        The same fit, repeated on random samples of the states; None if it was not repeated.
+        Fits to random samples of the states.
     distances : tuple of Residuals
-        The distances of measured from simulated points (residuals) of each dataset. The distances are not written to a
-        file; see `residuals`.
+        Distances of measured from simulated points in each dataset; not written to a file.
     """
 
     kind: Literal["bending"] = "bending"
@@ -220,9 +211,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
     __repr__ = LawRecord.__repr__
 
     def residuals(self, dataset: int = 0) -> Residuals:
-        """Return the distances of measured points from the simulated beam for one dataset of a fit.
-
-        The distances are labelled with state, edge and arc length.
+        """Return the distances of measured points from the simulated beam for one dataset.
 
         Parameters
         ----------
@@ -242,10 +231,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.distances[dataset]
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset of parameters, intervals, random samples (draws) and errors of all states.
-
-        Raises ImportError without xarray.
-        """
+        """Return an xarray.Dataset of parameters, intervals and errors. Raises ImportError without xarray."""
         quantities = self._quantities()
         draws, ends = np.array(self.draws.values if self.draws else ()), [q.interval_95 for q in quantities.values()]
         by_state = {
@@ -271,11 +257,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @staticmethod
     def of(fit: Fit, evidence: Sequence[Evidence]) -> FitRecord:
-        """Return the record of a fit to the datasets `evidence`.
-
-        The record also holds the residuals (distances of measured from simulated points), which are not written to a
-        file.
-        """
+        """Return the record of a fit to the datasets `evidence`."""
         ends = np.cumsum([len(e.states) for e in evidence])[:-1]
         errors, deviations = np.split(fit.error_mm, ends), np.split(fit.deviation_mm, ends)
         identified = {of_both.name: getattr(fit, of_both.name) for of_both in fields(IdentifiedLaw)}
@@ -305,10 +287,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_serializer(mode="wrap")
     def _in_the_order_of_the_file(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Return a fit as a dictionary whose keys are in the fixed order of a result file.
-
-        Keys that a later release added are left out if they are empty, so that the file stays the same as before.
-        """
+        """Return a fit as a dictionary whose keys are in the fixed order of a result file."""
         written: dict[str, Any] = serialize(self)
         for key in _IF_ANY:
             if not written[key]:
@@ -317,10 +296,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
 
     @model_validator(mode="after")
     def _is_stiff(self) -> Self:
-        """Raise ValueError unless the initial shear modulus is positive.
-
-        Without a positive modulus the beam has no stable equilibrium.
-        """
+        """Raise ValueError unless the initial shear modulus is positive."""
         if not self.initial_shear_modulus.value > 0:
             raise ValueError(f"initial shear modulus {self.initial_shear_modulus.value:g} Pa should be above 0")
         return self
@@ -341,11 +317,11 @@ class FitRecord(IdentifiedLaw, LawRecord):
         ]
 
     def doubts_in_words(self) -> list[str]:
-        """Return each reason to distrust a fit as a text that begins with its dataset, state or tensile curve."""
+        """Return each reason to distrust a fit as text."""
         return [f"{self._about(doubt)}{doubt.words}" for doubt in self.doubts]
 
     def doubts_in_short(self) -> str:
-        """Return the reasons to distrust a fit in a few words, in brackets; empty without such reasons."""
+        """Return the reasons to distrust a fit in a few words; empty without such reasons."""
         short = "; ".join(doubt.short for doubt in self.doubts if doubt.short)
         return f" (doubted{': ' if short else ''}{short})" if self.doubts else ""
 
@@ -357,10 +333,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return self.datasets[doubt.dataset].path + ("" if doubt.state is None else f", state {doubt.state}") + ": "
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the bounds of the search limit, because the data do not.
-
-        `initial_shear_modulus` is among the names if the data do not determine the modulus.
-        """
+        """Return the names of the parameters (and `initial_shear_modulus`) that the data do not determine."""
         data = self.identifiability
         open_modulus = data.names[0] in data.not_fixed
         return (*data.held_by_bounds, "initial_shear_modulus") if open_modulus else data.held_by_bounds
@@ -370,11 +343,9 @@ class FitRecord(IdentifiedLaw, LawRecord):
         return "bending and tensile" if self.tensile else "bending"
 
     def summary(self, modulus: str = "") -> str:
-        """Return one line about a fit.
+        """Return one line about a fit: law, modulus with interval, doubts and mean error.
 
-        The line gives the law, the initial shear modulus with its interval, the doubts (reasons to distrust the fit),
-        the mean error, and the inputs without an uncertainty. `modulus` is the modulus with its interval as text; if it
-        is empty, both are given in Pa.
+        `modulus` is the modulus with its interval as text.
         """
         whole = [word for word in self.taken_as_exact if word in WHOLE_FILES]
         exact = f"; {' and '.join(whole)} taken as exact" if whole else ""
@@ -384,10 +355,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def _not_stated(self) -> str:
-        """Return a text on the inputs that the fit takes as exact, because the files give no uncertainty for them.
-
-        For each input, the text gives the change of the modulus that an error of usual size would cause.
-        """
+        """Return a text on the inputs without a given uncertainty."""
         return "".join(
             (
                 f"; {entry.words} taken as exact: an error of {entry.standard_uncertainty:g} "
@@ -398,11 +366,7 @@ class FitRecord(IdentifiedLaw, LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on the fit: the used states, the mean error, and the quantities that the data determine.
-
-        The mean deviation is also given: the mean over the states of the standard deviation of the residuals
-        (distances of measured from simulated points).
-        """
+        """Return sentences on the used states, the mean error, and the quantities that the data determine."""
         error, deviation = 1e3 * self.mean_error_mm, 1e3 * self.mean_deviation_mm
         return [
             *(f"{dataset.in_words()}." for dataset in self.datasets),
@@ -428,10 +392,7 @@ _IF_ANY = (
 
 
 def _with_dataset_index(doubt: Doubt, evidence: Sequence[Evidence]) -> Doubt:
-    """Return a doubt (reason to distrust the fit) with the index of its state among all states of the dataset.
-
-    In the argument, the index counts only the states that the fit used.
-    """
+    """Return a doubt with the index of its state in the dataset, in place of the index among the used states."""
     if doubt.dataset is None or doubt.state is None:
         return doubt
     return replace(doubt, state=evidence[doubt.dataset].states[doubt.state].index)

@@ -1,4 +1,4 @@
-"""The distances of measured edge points or tracked points from the simulated beam, by state, edge and arc length."""
+"""The distances of measured edge points or tracked points from the simulated beam."""
 
 from __future__ import annotations
 
@@ -19,26 +19,24 @@ _SMOOTHED = 9  # points of a moving mean, without which the scatter of the point
 
 @dataclass(frozen=True)
 class Residuals:
-    """Distances of the measured points of one dataset from the simulated beam, for K states and m points of an edge.
-
-    The axes of an array (K, 2, m) are the state, the two entries of `edge`, and the point.
+    """Distances of measured points from the simulated beam, for K states and m points of an edge.
 
     Parameters
     ----------
     dataset : str
-        The path of the dataset.
+        Path of the dataset.
     state : ndarray, shape (K,)
-        Indices in the dataset of the states that were used.
+        Indices of the states in the dataset.
     field_mT : ndarray, shape (K,)
-        Field of each state, mT.
+        Field of each state.
     edge : tuple of str
-        ``("left", "right")``. For tracked points it is ``("x", "y")``, the components of the distance.
+        ``("left", "right")``, or ``("x", "y")`` for the components of tracked points.
     arc_length_mm : ndarray, shape (K, 2, m)
-        Arc length of the measured edge from the clamp to each point, mm. For tracked points, the distance of each point
-        from the clamp along the beam at rest. NaN where no point was measured.
+        Distance of each point from the clamp along the edge or, for tracked points, along the beam at rest. NaN without
+        a point.
     distance_mm : ndarray, shape (K, 2, m)
-        Measured minus simulated position, mm. For an edge, the component along the normal of the edge, positive to the
-        left of the direction from clamp to tip. NaN where no point was measured.
+        Measured minus simulated position; for an edge, positive to the left of the direction from clamp to tip. NaN
+        without a point.
     """
 
     dataset: str
@@ -50,9 +48,9 @@ class Residuals:
 
     @staticmethod
     def of(evidence: Evidence, residuals_mm: Array) -> Residuals:
-        """Return the residuals (distances of measured from simulated points), labelled with states, fields and edges.
+        """Return the distances of measured from simulated points, labelled with states, fields and edges.
 
-        `residuals_mm` has the shape (K, 2, m), in mm, for K states, two edges and m points of an edge.
+        `residuals_mm` has the axes state, edge and point.
         """
         observed = evidence.experiment.observed
         is_edges = isinstance(observed, EdgeObservation)
@@ -67,13 +65,13 @@ class Residuals:
 
     @property
     def root_mean_square_mm(self) -> Array:
-        """Return the root mean square distance of measured from simulated points in each state, mm, shape (K,)."""
+        """Return the root mean square distance in each state (mm), shape (K,)."""
         squares = np.nansum(self.distance_mm**2, axis=(1, 2))
         points = np.isfinite(self.distance_mm).sum(axis=(1, 2)) / (1 if self.edge == ("left", "right") else 2)
         return np.asarray(np.sqrt(squares / points))
 
     def to_pandas(self) -> Any:
-        """Return a pandas.DataFrame of the distances of all measured points, mm. Raises ImportError without pandas."""
+        """Return a pandas.DataFrame of the distances (mm). Raises ImportError without pandas."""
         rows = [
             {
                 "state": int(self.state[k]),
@@ -99,10 +97,7 @@ class Residuals:
         return installed("xarray").Dataset(variables, coordinates, {"path": self.dataset})
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the distances of measured from simulated points against the arc length.
-
-        The left and the right edge (or the components x and y) have separate axes. Each state has a line.
-        """
+        """Return a matplotlib figure of the distances of measured from simulated points against the arc length."""
         from eimi_lab.fits.fit_figures import drawn_residuals  # matplotlib is slow to import
 
         return drawn_residuals(self.edge, self.field_mT, self.arc_length_mm, self.distance_mm)
@@ -122,11 +117,7 @@ class Residuals:
 
 
 def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
-    """Return the arc lengths of the measured points from the clamp (mm), shape (K, 2, m).
-
-    The axes are the K states, the two edges, and the m points of an edge. For tracked points, both entries of the
-    second axis hold the x of each point at rest. Entries without a measured point have no meaning.
-    """
+    """Return the arc lengths of the measured points from the clamp (mm); axes state, edge and point."""
     if isinstance(observed, PointObservation):
         return np.repeat(observed.rest_mm[:, None, :, 0], 2, axis=1)
     lengths = np.full(observed.sigma_mm.shape, np.nan)
@@ -137,11 +128,7 @@ def _arc_length_mm(observed: EdgeObservation | PointObservation) -> Array:
 
 
 def _along_mm(points_mm: Array) -> Array:
-    """Return the arc length (mm) along an edge from the clamp, at x = 0, to each of its m points, shape (m,).
-
-    `points_mm`, shape (m, 2), contains x and y of each point. The points are smoothed first, because their scatter
-    would make the path longer.
-    """
+    """Return the arc length (mm) along an edge, from the clamp to each of its m points, shape (m,)."""
     if not len(points_mm):
         return np.zeros(0)
     half = min(_SMOOTHED, len(points_mm)) // 2

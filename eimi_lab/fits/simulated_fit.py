@@ -1,9 +1,4 @@
-"""Simulate the edges of a dataset with a fitted law, and compute the error of these edges.
-
-If the law was fitted to this dataset, the uncertain inputs that were fitted with the law (freed nuisances, such as the
-magnetic moment) keep their identified values. On any other dataset these inputs have the values in the input files. The
-module `prediction` adds the interval of the error and shares the work among processes.
-"""
+"""Simulate the edges of a dataset with a fitted law, and compute the error of these edges."""
 
 from __future__ import annotations
 
@@ -38,10 +33,7 @@ _OF_ERROR = 0.01
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A fit, the result file that contains the fit, and the index of the fit in this file.
-
-    Two objects are equal if their files and indices are equal.
-    """
+    """A fit, with the path of its result file and its index in this file."""
 
     path: Path
     index: int
@@ -58,24 +50,22 @@ Law = TypeVar("Law", bound=FittedLaw)
 
 @dataclass(frozen=True)
 class Prediction(Generic[Law]):
-    """The simulation of a fit on a dataset with K used states. All arrays are empty if the beam has no equilibrium.
+    """The simulation of a fit on a dataset with K states. The arrays are empty if the beam has no equilibrium.
 
     Attributes
     ----------
     fitted_law : FittedLaw
-        The fit, with its file.
+        Fit, with its file.
     evidence : Evidence
-        The dataset, with its beam model and loads.
+        Dataset, with its beam model and loads.
     validation : Validation
-        The errors of the fit on the dataset.
+        Errors of the fit on the dataset.
     edges_mm : ndarray, shape (K, 2, n, 2)
-        x and y of n points of the simulated left and right edges as the camera sees them. The axes are state, edge,
-        point and coordinate. The edges belong to the most accurate beam model that was solved.
+        Simulated edges in the picture; axes state, left and right edge, point, x and y.
     residuals_mm : ndarray, shape (K, 2, m)
-        Signed distances of the m measured edge points from the simulated edges; the axes are state, edge and point. For
-        tracked points, the second axis holds the x and y components of the distance. NaN where no point was measured.
+        Distances of measured from simulated points; axes state, edge (or x and y of tracked points), point.
     error_mm, deviation_mm : ndarray, shape (K,)
-        Root mean square and standard deviation of the distances in each state, mm.
+        Root mean square and standard deviation of the distances in each state.
     """
 
     fitted_law: Law
@@ -97,27 +87,19 @@ class Prediction(Generic[Law]):
 
 
 def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Prediction[Law] | None]:
-    """Simulate several fits on a dataset together, which takes less time than separate simulations.
-
-    Each fit is first simulated with a planar beam model. A better beam model then corrects the result: a planar model
-    with a finer mesh or, for the section "solid", a three-dimensional model. To save time, the three-dimensional model
-    is solved in a few states only, and the correction of the other states is interpolated. The solution starts from the
-    corrections of the previous fits, because similar fits have similar corrections.
-
-    If the interpolation is not accurate enough for a fit, the three-dimensional model has to be solved in all states.
-    The function yields None for this fit, and `simulate_alone` simulates it.
+    """Simulate several fits on one dataset.
 
     Parameters
     ----------
     evidence : Evidence
-        The dataset, with its beam model, loads and measured edges.
+        Dataset, with its beam model, loads and measured edges.
     laws : sequence of FittedLaw
-        The fits, each with its file.
+        Fits.
 
     Yields
     ------
     Prediction or None
-        The prediction of each fit; None for a fit that `simulate_alone` has to simulate.
+        Simulation of each fit; None if `simulate_alone` has to simulate the fit.
 
     Raises
     ------
@@ -132,10 +114,9 @@ def simulate_each(evidence: Evidence, laws: Sequence[Law]) -> Iterator[Predictio
 
 
 def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
-    """Simulate one fit on a dataset, with the most accurate beam model solved in all states.
+    """Simulate one fit on a dataset, with the most accurate beam model in all states.
 
-    This takes longer than `simulate_each`, whose interpolation between a few states is not accurate enough for some
-    fits. Raises InputError if the law was fitted to this dataset with another model of the cross-section.
+    Raises InputError if the law was fitted to this dataset with another model of the cross-section.
     """
     (plain,) = _planar_comparisons(evidence, [fitted_law.fit])
     prediction, _ = _simulated(evidence, fitted_law, (), plain, "follow")
@@ -146,12 +127,7 @@ def simulate_alone(evidence: Evidence, fitted_law: Law) -> Prediction[Law]:
 def _planar_comparisons(
     evidence: Evidence, fits: Sequence[FitRecord | TensileRecord | RingDownRecord]
 ) -> list[Comparison]:
-    """Return the comparison of a dataset with the planar simulation of each fit, in the order of the fits.
-
-    The simulations are not yet corrected for the depth of the beam. To save time, the fits of one law are simulated as
-    one batch. A fit with a bulk modulus, or with uncertain inputs that were fitted together with the law, is simulated
-    separately.
-    """
+    """Compare a dataset with the simulation of each fit by a planar beam model."""
     assumptions = [assumptions_of(fit, evidence, 1) for fit in fits]
     batches: dict[object, list[int]] = {}
     for i, fit in enumerate(fits):
@@ -169,24 +145,20 @@ def _planar_comparisons(
 def _simulated(
     evidence: Evidence, fitted_law: Law, near: Sequence[Correction], plain: Comparison, method: Method
 ) -> tuple[Prediction[Law] | None, Correction | None]:
-    """Return the simulation of a fit with the most accurate beam model, and how this model changed the edges.
-
-    The change (correction) is the difference between a model with a solid cross-section and a planar model. Both
-    results are None if the method "interpolate" is not accurate enough.
+    """Return the simulation of a fit, and the difference of its edges from those of a planar beam model.
 
     Parameters
     ----------
     evidence : Evidence
-        The dataset, with its beam model, loads and measured edges.
+        Dataset.
     fitted_law : FittedLaw
-        The fit, with its file.
+        Fit.
     near : sequence of Correction
-        Corrections of other fits on the same dataset, as a starting point.
+        Differences for other fits, as a starting point.
     plain : Comparison
-        Comparison of the dataset with the planar simulation of the fit, from `_planar_comparisons`.
+        Simulation with a planar beam model.
     method : {"interpolate", "follow"}
-        Whether to interpolate the correction between a few solved states, or to solve the beam model with a solid
-        section in all states.
+        Solve the three-dimensional model in a few states, or in all states.
     """
     fit, path, index = fitted_law.fit, fitted_law.path, fitted_law.index
     section = evidence.experiment.model.specimen.section
@@ -227,11 +199,7 @@ def _simulated(
 def _validation(
     evidence: Evidence, fitted_law: FittedLaw, seen: bool, plain: Comparison, misfit: Misfit | None
 ) -> Validation:
-    """Return the errors of a fit on a dataset: root mean square distances between measured and simulated points.
-
-    `seen` tells whether the law was fitted to this dataset. `misfit` contains the distances for the most accurate beam
-    model; None if the beam has no equilibrium. Stretch and stability come from the planar simulation `plain`.
-    """
+    """Return the errors of a fit on a dataset; `seen` tells whether the law was fitted to this dataset."""
     fit = fitted_law.fit
     common: dict[str, Any] = {
         "dataset": str(evidence.path),

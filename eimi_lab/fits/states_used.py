@@ -1,4 +1,4 @@
-"""The states of a dataset that a fit used and left out, with the flags (failed quality checks) of these states."""
+"""The states (load steps) of a dataset that a fit used and left out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FEW_POINTS = "too few edge points"  # instead of the name of a flag, for a state
 
 @dataclass(frozen=True)
 class FlaggedState:
-    """A state with flags (defects): the index of the state in the dataset, and the names of its flags."""
+    """A state with defects: the index of the state in the dataset, and the names of the defects."""
 
     state: int
     flags: tuple[str, ...]
@@ -18,11 +18,7 @@ class FlaggedState:
 
 @dataclass(frozen=True)
 class WidenedState:
-    """A state whose points count less in a fit, because its flags (names of defects) increase their standard deviation.
-
-    The standard deviation `by_mm` (mm) is added in quadrature to that of each point. `state` is the index of the state
-    in the dataset.
-    """
+    """A state with defects, whose points have an additional standard deviation `by_mm` (mm) in a fit."""
 
     state: int
     by_mm: float
@@ -30,7 +26,7 @@ class WidenedState:
 
 @dataclass(frozen=True)
 class StatesUsed:
-    """The states of a dataset that a fit used and left out, with the flags (names of defects) of these states.
+    """The states (load steps) of a dataset that a fit used and left out.
 
     Attributes
     ----------
@@ -39,9 +35,9 @@ class StatesUsed:
     left_out : tuple of FlaggedState
         States that were not used.
     flagged : tuple of FlaggedState
-        States that were used in spite of their flags.
+        Used states with defects.
     widened : tuple of WidenedState
-        Used states whose points have a larger standard deviation because of their flags.
+        Used states with a larger standard deviation of their points.
 
     Examples
     --------
@@ -56,7 +52,7 @@ class StatesUsed:
     widened: tuple[WidenedState, ...] = ()
 
     def in_words(self) -> str:
-        """Return a text with the number of used states, and with the states with flags (defects)."""
+        """Return a text with the number of used states, and with the defects of the states."""
         words = f"{self.total - len(self.left_out)} of {self.total} states used"
         if self.left_out:
             words += f"; left out: {_by_flag(self.left_out)}"

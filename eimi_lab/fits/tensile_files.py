@@ -1,14 +1,7 @@
-"""Read tensile tests from files, whole or as curves for a joint fit.
+"""Read tensile tests from files in one of two formats.
 
-There are two formats. The first line of a file shows which format it has:
-
-database   Cells are separated by `;`. Information about the test comes first, then a header with `Engineering Strain`
-           and `Engineering Stress (MPa)`. This is the format of the Soft Robotics Materials Database (Marechal et al.
-           2020, doi 10.1089/soro.2019.0115).
-plain      Cells are separated by `,`, `;` or tabs. The header has two names: `strain` or `strain_percent`, and
-           `stress_Pa`, `stress_kPa` or `stress_MPa`. Strain and stress are engineering values.
-
-In a file whose cells are not separated by commas, numbers may have a decimal comma.
+database   Soft Robotics Materials Database (Marechal et al. 2020, doi 10.1089/soro.2019.0115), with `;` between cells
+plain      a header with `strain` or `strain_percent`, and `stress_Pa`, `stress_kPa` or `stress_MPa`, then numbers
 """
 
 from __future__ import annotations
@@ -49,10 +42,7 @@ _DATABASE_STRAIN, _DATABASE_STRESS = "Engineering Strain", "Engineering Stress (
 
 @dataclass(frozen=True)
 class TensileTest:
-    """A tensile test of m rows: engineering strain, shape (m,), and engineering stress in Pa, shape (m,).
-
-    The rows are in the order of the file.
-    """
+    """A tensile test of m rows: engineering strain, shape (m,), and engineering stress in Pa, shape (m,)."""
 
     path: Path
     sha256: str
@@ -63,10 +53,7 @@ class TensileTest:
 
 @dataclass(frozen=True)
 class FileCurve(TensileCurve):
-    """The part of a tensile curve up to the strain `window_percent`, read from the file `path`.
-
-    `window_percent` is None for the whole curve.
-    """
+    """A tensile curve from the file `path`, up to the strain `window_percent` (None for the whole curve)."""
 
     path: str = ""
     sha256: str = ""
@@ -74,21 +61,21 @@ class FileCurve(TensileCurve):
 
 
 def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
-    """Read the part of a tensile test up to a strain, as a curve for a joint fit.
+    """Read a tensile curve up to a largest strain, for a joint fit with datasets.
 
     Parameters
     ----------
     path : Path
-        The file of the tensile test.
+        File of the tensile test.
     percent : float or None
         Largest strain in per cent; None for the whole curve.
     weight : float
-        In the joint fit, the curve has this many times the weight that follows from its noise.
+        Factor of the weight of the curve in the joint fit.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or if this part has fewer than five rows.
+        If the file cannot be read, or if fewer than five rows remain.
     """
     test = read_tensile(path)
     inside = test.strain <= (float("inf") if percent is None else percent / 100)
@@ -100,7 +87,7 @@ def read_curve(path: Path, percent: float | None, weight: float) -> FileCurve:
 def read_tensile(path: Path) -> TensileTest:
     """Read a tensile test from a file with two columns, or from a file of the Soft Robotics Materials Database.
 
-    Raises InputError, whose message gives the file, the row and the value.
+    Raises InputError with the file, the row and the value.
     """
     text = read_text(path)
     header = [cell.strip() for cell in re.split("[,;\t]", text.removeprefix("\ufeff").partition("\n")[0])]
@@ -130,11 +117,7 @@ def read_tensile(path: Path) -> TensileTest:
 
 
 def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
-    """Return which column of a file contains the strain (or the stress): its name in the header.
-
-    `names` contains the permitted names, each with the factor of its unit. Raises InputError if the header contains
-    none or several of them.
-    """
+    """Return the one column in `header` that is also in `names`. Raises InputError for no or several such columns."""
     present = [name for name in names if name in header]
     if len(present) != 1:
         raise InputError(
@@ -145,11 +128,7 @@ def _only(path: Path, header: list[str], names: dict[str, float]) -> str:
 
 
 def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
-    """Return the rows of a tensile test in the Soft Robotics Materials Database, and the name of the material.
-
-    `text` is the content of the file. The name is in the lines above the header of the columns; it is None if these
-    lines give no name.
-    """
+    """Return the rows of a tensile test in the Soft Robotics Materials Database, and the material's name or None."""
     columns: list[str] | None = None
     material, rows = None, []
     for line, words in enumerate(text.removeprefix("\ufeff").splitlines(), 1):
@@ -174,10 +153,9 @@ def _database_rows(path: Path, text: str) -> tuple[list[Row], str | None]:
 
 
 def check_windows(windows: list[str], option: str = "--window") -> list[float | None]:
-    """Return the windows of strain in per cent without repetitions; None stands for the whole curve.
+    """Return the largest strains in per cent without repetitions; None stands for the whole curve.
 
-    Raises InputError if a text of `windows` is neither a number nor the word for the whole curve. A window is the part
-    of a tensile curve up to a largest strain.
+    Raises InputError for a text that is neither a number nor the word for the whole curve.
     """
     checked: list[float | None] = []
     for window in windows:

@@ -1,4 +1,4 @@
-"""Fit a law to a window of a tensile test, which is the conventional identification, for `eimi tensile`."""
+"""Fit a law to a tensile test up to a largest strain, for `eimi tensile`."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _MISFIT = 0.1  # ratio of the residuals to the stresses (root mean squares) from
 
 
 def fit_window(test: TensileTest, model: str, window_percent: float | None, relative: bool = False) -> TensileRecord:
-    """Fit a law to the part of a tensile test up to a largest strain (the window), by least squares.
+    """Fit a law to a tensile test up to a largest strain, by least squares.
 
     Parameters
     ----------
     test : TensileTest
-        The tensile test.
+        Tensile test.
     model : str
         Name of the law.
     window_percent : float or None
         Largest engineering strain in per cent; None for the whole curve.
     relative : bool
-        Whether to divide each residual of the stress by the measured stress.
+        Whether to divide each residual by the measured stress.
 
     Raises
     ------
     InputError
-        If there are too few rows in the window.
+        If there are too few rows.
     """
     largest = np.inf if window_percent is None else window_percent / 100
     try:
@@ -87,10 +87,7 @@ def fit_window(test: TensileTest, model: str, window_percent: float | None, rela
 
 
 def _doubts(fit: TensileFit, stress_Pa: float) -> Iterator[Doubt]:
-    """Yield the doubts about a fit to a tensile test: reasons to distrust the fit.
-
-    `stress_Pa` is the root mean square of the measured stresses.
-    """
+    """Yield reasons to distrust a tensile fit; `stress_Pa` is the root mean square of the measured stresses."""
     if fit.rows_left_out:
         yield Doubt(f"{fit.rows_left_out} rows without a positive stress were left out", kind="rows_left_out")
     if fit.rmse_Pa > _MISFIT * stress_Pa:

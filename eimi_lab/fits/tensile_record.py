@@ -10,7 +10,7 @@ from eimi_lab.fits.law_record import STRICT, LawRecord, Record
 
 
 class TensileSource(Record):
-    """The file of a tensile test: its path, its hash, and the name of the material in the file."""
+    """The file of a tensile test: path, hash, and name of the material."""
 
     path: str
     sha256: str
@@ -19,28 +19,26 @@ class TensileSource(Record):
 
 @dataclass(config=STRICT, frozen=True, kw_only=True, repr=False)
 class TensileRecord(LawRecord):
-    """A law fitted to a window of a tensile test.
-
-    A window is the part of the curve up to a largest strain.
+    """A law fitted to a tensile test up to a largest strain (the window).
 
     Attributes
     ----------
     window_percent : float or None
-        Largest engineering strain of the window in per cent; null for the whole curve.
+        Largest engineering strain in per cent; null for the whole curve.
     residuals : {"absolute", "relative"}
-        The kind of residuals whose squares were minimised.
+        Kind of residuals.
     rmse_Pa : float
-        Root mean square of the residuals of the engineering stress.
+        Root mean square error of the engineering stress.
     rows, rows_left_out : int
-        Number of used rows, and number of rows left out. Relative residuals leave out rows without a positive stress.
+        Number of used rows, and of rows left out.
     correlation_rows : float
         Number of neighbouring rows whose residuals are correlated.
     correlation : tuple or None
-        Correlation matrix of the errors of the parameters; null in files of earlier releases.
+        Correlation matrix of the parameters.
     not_fixed : tuple of str
-        Parameters whose interval contains zero or is the range of the search.
+        Parameters that the data do not determine.
     source : TensileSource
-        The file of the tensile test.
+        File of the tensile test.
     """
 
     kind: Literal["tensile"] = "tensile"
@@ -55,11 +53,11 @@ class TensileRecord(LawRecord):
     source: TensileSource
 
     def window(self) -> str:
-        """Return the window of strain in words, such as `50 %`; `full` for the whole curve."""
+        """Return the largest strain in words, such as `50 %`; `full` for the whole curve."""
         return "full" if self.window_percent is None else f"{self.window_percent:g} %"
 
     def summary(self) -> str:
-        """Return one line about a tensile fit: law, range of strains, initial shear modulus, RMSE, stability limit."""
+        """Return one line about a tensile fit: law, strains, initial shear modulus, error and stability limit."""
         limit = self.stability.stable_up_to_stretch
         stable = "" if limit is None else f", stable up to a stretch of {limit:.2f} only"
         if limit == 1.0:
@@ -70,20 +68,14 @@ class TensileRecord(LawRecord):
         )
 
     def notes(self) -> list[str]:
-        """Return sentences on the range of strains, the residuals and the undetermined parameters of a tensile fit."""
+        """Return sentences on the strains, the residuals and the undetermined parameters of a tensile fit."""
         misfit = f"Window {self.window()}: RMSE {1e-3 * self.rmse_Pa:.3g} kPa over {self.rows} rows."
         return [misfit, *self.not_fixed_in_words()]
 
     def held_by_bounds(self) -> tuple[str, ...]:
-        """Return the names of the parameters that the tensile test does not determine.
-
-        The interval of such a parameter contains zero or is the range of the search.
-        """
+        """Return the names of the parameters that the tensile test does not determine."""
         return self.not_fixed
 
     def not_fixed_in_words(self) -> list[str]:
-        """Return a list with a sentence on the parameters that the tensile curve does not determine.
-
-        The list is empty if the curve determines all parameters.
-        """
+        """Return a sentence on the undetermined parameters; the list is empty without such parameters."""
         return [f"The curve does not determine {', '.join(self.not_fixed)}."] if self.not_fixed else []

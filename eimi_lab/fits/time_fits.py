@@ -24,13 +24,9 @@ _ALONE = "neo-hookean"  # the law with one modulus as its only parameter
 def with_law_of_time(
     record: FitRecord, evidence: Sequence[Evidence], motions: Sequence[MotionEvidence], seed: int
 ) -> FitRecord:
-    """Add a viscoelastic (Prony) law to the record of a fit to static states, and return the new record.
+    """Return the record of a fit to static states with an added viscoelastic (Prony) law.
 
-    The viscoelastic law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the modulus
-    of the static fit. The static fit treats the material as elastic. Its modulus is therefore a mean over states in
-    which the material had relaxed for different times. The fit uses these times: how long the load of each state acted
-    before the measurement.
-
+    The law is fitted to all motions (ring-downs, which are free vibrations, and creep) and to the static modulus.
     Raises InputError if no ring-down can be used.
     """
     static = static_states(evidence, record)

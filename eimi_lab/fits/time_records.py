@@ -1,4 +1,4 @@
-"""The record of a fit to ring-downs (free vibrations) without static states, and texts on a viscoelastic law."""
+"""The record of a fit to ring-downs (free vibrations) without static states."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ _LARGEST = 5  # number of the largest sources that have a line
 
 
 class MotionReference(Record):
-    """A dataset of recorded motions (ring-downs and creep) to which a viscoelastic law was fitted.
-
-    The fields are path, hash, model of the cross-section, number of motions, and given uncertainties of the inputs.
-    """
+    """A dataset of recorded motions: path, hash, model of the cross-section, number of motions, and uncertainties."""
 
     path: str
     sha256: str
@@ -36,18 +33,16 @@ class MotionReference(Record):
 class RingDownRecord(LawRecord):
     """A dynamic shear modulus identified from ring-downs (free vibrations of the beam) alone.
 
-    ``initial_shear_modulus`` is the dynamic modulus at the frequency of the ring-downs.
-
     Attributes
     ----------
     time : LawOfTime
-        The viscoelastic (Prony) law.
+        Viscoelastic (Prony) law.
     datasets : tuple of MotionReference
-        The datasets with the ring-downs.
+        Datasets with the ring-downs.
     taken_as_exact : tuple of str
-        Names of the inputs for which the input files give no uncertainty.
+        Inputs without a given uncertainty.
     seed : int
-        Seed of the random numbers of the fit.
+        Seed of the random numbers.
     """
 
     kind: Literal["ring-down"] = "ring-down"
@@ -61,7 +56,7 @@ class RingDownRecord(LawRecord):
         return f"{self.model}: {time_lines(self.time)[0]}"
 
     def caveats(self) -> list[str]:
-        """Return lines on the viscoelastic law and on reasons to distrust it, to print together with its parameters."""
+        """Return lines on the viscoelastic law and on reasons to distrust it."""
         return [*time_lines(self.time), *(f"doubt: {words}" for words in self.doubts_in_words())]
 
     def notes(self) -> list[str]:
@@ -70,11 +65,7 @@ class RingDownRecord(LawRecord):
 
 
 def time_lines(time: LawOfTime) -> list[str]:
-    """Return lines on a viscoelastic (Prony) law.
-
-    The lines concern the dynamic modulus, the ring-downs (free vibrations), the Prony series, the range of times in
-    which the series holds, the magnetic moment, and the largest sources of uncertainty.
-    """
+    """Return lines on a viscoelastic (Prony) law: moduli, ring-downs, times, magnetic moment and uncertainties."""
     modulus = time.dynamic_shear_modulus
     terms = ", ".join(f"g = {term.g:.3g} with tau = {term.tau_s:.3g} s" for term in time.prony)
     low, high = time.known_between_s

@@ -1,9 +1,4 @@
-"""The data classes of the errors of fits on datasets, as the file validation.json contains them.
-
-If the beam has no equilibrium in a state, the errors are null and `status` is "no equilibrium". A law that is not
-Drucker-stable at all stretches of the dataset is simulated nevertheless, and `stable` is false. The module
-`simulated_fit` computes the errors, and `predicted_error` their intervals.
-"""
+"""The errors of fits on datasets, as the file validation.json contains them."""
 
 from __future__ import annotations
 
@@ -20,9 +15,9 @@ from eimi_lab.showing.tables import data_frame, html_table
 
 
 class FitReference(Record):
-    """A reference to a fit: the result file of the fit, and the index of the fit in this file.
+    """A reference to a fit: its result file and its index in this file.
 
-    For a tensile fit `window_percent` is the largest strain in per cent, null for the whole curve.
+    For a tensile fit, `window_percent` is the largest strain in per cent, null for the whole curve.
     """
 
     path: str
@@ -41,11 +36,7 @@ class FitReference(Record):
         )
 
     def kind_in_words(self) -> str:
-        """Return the kind of data to which the law was fitted.
-
-        The text is `bending`, `bending and tensile`, `ring-down` (free vibration), `tensile full` or, for a tensile
-        curve up to a strain of 50 %, `tensile 50 %`.
-        """
+        """Return the data to which the law was fitted, such as `bending`, `ring-down` or `tensile 50 %`."""
         if self.kind != "tensile":
             return self.kind
         return "tensile full" if self.window_percent is None else f"tensile {self.window_percent:g} %"
@@ -59,15 +50,13 @@ class Validation(Record):
     seen : bool
         Whether the law was fitted to this dataset.
     states : StatesUsed
-        The states that were compared.
+        Compared states (load steps).
     mean_error_interval_mm : tuple of float, or None
-        95 % interval of the mean error; None if the fit has no draws (random samples of its result). The upper end is
-        None if the beam has no equilibrium for a draw.
+        95 % interval of the mean error; the upper end is None if it is not known.
     stable : bool or None
         Whether the law is Drucker-stable at all stretches of this dataset; None without an equilibrium.
     within_fitted_stretch : bool or None
-        Whether the largest stretch of this dataset lies within the stretches of the data of the fit; None without an
-        equilibrium.
+        Whether all stretches of this dataset lie within those of the fit; None without an equilibrium.
     """
 
     dataset: str
@@ -92,10 +81,7 @@ class Validation(Record):
         return data_frame([state.model_dump(exclude={"dataset"}) for state in self.by_state], "state")
 
     def plot(self) -> Any:
-        """Return a matplotlib figure of the error of each state, with bars of one standard deviation.
-
-        The error is the root mean square of the distances between the measured points and the simulated edges.
-        """
+        """Return a matplotlib figure of the error of each state, with bars of one standard deviation."""
         from eimi_lab.fits.fit_figures import drawn_errors  # matplotlib is slow to import
 
         rows = [(s.state, s.field_mT, s.error_mm, s.deviation_mm) for s in self.by_state]

@@ -1,4 +1,4 @@
-"""Tables of the errors of fits on datasets: by dataset, by state, and as a matrix of fits and datasets."""
+"""Tables of the errors of fits on datasets."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ _FITS_ABREAST = 6
 
 
 def by_dataset(validations: Sequence[Validation]) -> list[str]:
-    """Return the lines of a table for each dataset, with a row for each fit.
-
-    The fits are in the order of their mean errors. Fits for which the beam has no equilibrium come last.
-    """
+    """Return the lines of a table for each dataset, with a row for each fit in the order of the mean errors."""
     rows = [(v, _cells(v)) for v in validations]
     widths = _widths([_HEAD, *(cells for _, cells in rows)])
     lines = []
@@ -33,8 +30,7 @@ def by_dataset(validations: Sequence[Validation]) -> list[str]:
 def by_state(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table for each dataset, with a row for each state and a column for each fit.
 
-    Each cell gives the root mean square and, after "±", the standard deviation of the distances between measured and
-    simulated edges, in µm. Fits for which the beam has no equilibrium have no column.
+    A cell holds root mean square ± standard deviation of the distances of measured from simulated edges, in µm.
     """
     lines = []
     for dataset in dict.fromkeys(v.dataset for v in validations):
@@ -65,7 +61,7 @@ def by_state(validations: Sequence[Validation]) -> list[str]:
 def matrix(validations: Sequence[Validation]) -> list[str]:
     """Return the lines of a table with a row for each fit and a column for each dataset.
 
-    Each cell gives the mean error in µm with its 95 % interval. `*` marks the datasets to which the law was fitted.
+    A cell holds the mean error (µm) with its 95 % interval. `*` marks the datasets to which the law was fitted.
     """
     datasets = list(dict.fromkeys(v.dataset for v in validations))
     head = ("fit", "", "law", *datasets)
@@ -82,8 +78,7 @@ def matrix(validations: Sequence[Validation]) -> list[str]:
 def error_in_words(v: Validation) -> str:
     """Return the mean error (µm) with its 95 % interval, such as `12.3 [11.0, 14.2]`.
 
-    `>` stands in place of a missing upper end of the interval. Without an interval, the status of the validation is
-    returned.
+    `>` replaces an unknown upper end; without an interval, the status of the simulation is returned.
     """
     if v.mean_error_mm is None or v.mean_error_interval_mm is None:
         return v.status
@@ -125,11 +120,7 @@ def _widths(table: Sequence[Sequence[str]]) -> list[int]:
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], head: Sequence[str], right: Sequence[str]) -> str:
-    """Return one line of a table, with its cells aligned to the left or to the right.
-
-    `cells`, `widths` (numbers of characters) and `head` (headings) have one element for each column. `right` contains
-    the headings of the columns that are aligned to the right.
-    """
+    """Return one line of a table; the columns whose headings are in `right` are aligned to the right."""
     aligned = (
         cell.rjust(width) if name in right else cell.ljust(width)
         for cell, width, name in zip(cells, widths, head, strict=True)
