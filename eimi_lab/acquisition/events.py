@@ -1,9 +1,6 @@
-"""Events of a run: one dataclass for each kind of event.
+"""Define one dataclass for each kind of event (record of what happened) in a run.
 
-The run, and the guardian process that switches the coil off if the run dies, send the events to their listeners.
-Listeners use the type and the fields of an event, never the words in its text fields. `event_words` describes an event
-in English, and `event_lines` writes and reads an event as a line of JSON. Units are in the names of the fields. Times
-are seconds since 1970-01-01 UTC, from the clock of the computer. Currents are in ampere.
+Units are in the names of the fields. Times are seconds since 1970-01-01 UTC, from the clock of the computer.
 """
 
 from __future__ import annotations
@@ -21,10 +18,9 @@ Takeover = Literal["run_died", "run_stood_still", "run_could_not_switch_off"]
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """The base class of all events of a run.
+    """The base class of all events of a run. An event is the record of one thing that happened.
 
-    An event is the record of one thing that happened in a run. `time_s` is the time at which it happened. `event` is
-    the name of the kind of event in JSON; this name is the same in all releases of the program.
+    `time_s` is the time at which it happened. `event` is the name of the kind of event, for JSON.
     """
 
     event: ClassVar[str]
@@ -42,7 +38,7 @@ The thread of the run calls the listener, with three exceptions. Another thread 
 
 
 def ignore_event(event: Event) -> None:
-    """Do nothing with an event (a record of what happened). This function is used if nobody needs the events."""
+    """Do nothing with an event."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +47,9 @@ class RunBegun(Event):
 
     `states` is the number of states (load steps), `currents_A` their currents. `resumes` is true if the run continues
     an earlier run. `guardian` is true if a guardian process switches the coil off if the run dies. `without_contact`
-    tells, in the words of the driver, what the supply does after its cable is pulled; empty for a simulated supply.
-    `hottest_share` is the largest predicted heat of the coil, as a fraction of the allowed heat; null if the rig file
-    gives no rating of the coil. `interlocks` are the names of the readings whose bounds the run checks; the guardian
-    process does not check these readings.
+    tells, in words, what the supply does after its cable is pulled; empty for a simulated supply. `hottest_share` is
+    the largest predicted heat of the coil, as a fraction of the allowed heat; null without a rating of the coil.
+    `interlocks` are the names of the readings whose bounds the run checks.
     """
 
     event: ClassVar[str] = "run_begun"
@@ -73,7 +68,7 @@ class RunBegun(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSwitched(Event):
-    """The output of the supply was switched, and the supply confirmed this. `on` is true if the output is now on."""
+    """The supply confirmed that its output is now on (`on` is true) or off (`on` is false)."""
 
     event: ClassVar[str] = "output_switched"
     on: bool
@@ -83,11 +78,10 @@ class OutputSwitched(Event):
 class ShapeChange:
     """How far the load cycles before a run changed the shape of the beam at one current.
 
-    The beam at rest after the last load cycle is compared with the beam at rest in an earlier cycle. `since_cycle` is
-    the number of the earlier cycle; 0 means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance
-    between the two positions of the tip (pixels and mm); null if the tip is not visible in both images. Then
-    `difference_ratio` replaces them: the difference of the two images, divided by the difference that the noise of the
-    camera alone causes. It is null if the tip is visible in both images.
+    The beam at rest after the last load cycle is compared with the beam at rest in the earlier cycle `since_cycle`; 0
+    means before the first cycle. `tip_moved_px` and `tip_moved_mm` are the distance between the two positions of the
+    tip (pixels and mm); null if the tip is not visible in both images. `difference_ratio` is then the difference of the
+    two images, divided by the difference that the noise of the camera alone causes; otherwise null.
     """
 
     current_A: float
@@ -127,8 +121,8 @@ class Settled(Event):
 class StateStored(Event):
     """The frames and readings of one state (load step) were written to the dataset on the disk.
 
-    `state` is the number of the state, from 0. `current_A` is its set-point. `waited_s` is the time that the run waited
-    for the beam to come to rest. `flags` are the names of the defects of the state's frames.
+    `state` is the number of the state, from 0. `current_A` is its set-point. `waited_s` is the duration of the wait for
+    the beam to come to rest. `flags` are the names of the defects of the frames.
     """
 
     event: ClassVar[str] = "state_stored"
@@ -142,10 +136,10 @@ class StateStored(Event):
 class RingDownStored(Event):
     """A ring-down (a recording of the beam while it swings freely) was written to the dataset on the disk.
 
-    `ring_down` is the number of this ring-down, from 0, out of `ring_downs`. `from_A` is the current before the step to
-    zero. `frames` is the number of frames. `lost` is the number of frames that the camera counted but that did not
-    arrive. `rate_Hz` is the number of frames per second. `step_uncertainty_s` is the standard uncertainty of the time
-    of the step. `flags` are the names of the defects of the recording.
+    `ring_down` is the number of this ring-down, from 0, out of `ring_downs`. The current was set from `from_A` to zero
+    in one step. `frames` is the number of frames, `lost` the number of frames that did not arrive, and `rate_Hz` the
+    number of frames per second. `step_uncertainty_s` is the standard uncertainty of the time of the step. `flags` are
+    the names of the defects of the recording.
     """
 
     event: ClassVar[str] = "ring_down_stored"
@@ -191,9 +185,9 @@ class Paused(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Resumed(Event):
-    """The pause has ended, and the run continues with the state (load step) with number `state`.
+    """The pause has ended. The current ramps through the currents of all earlier states (load steps) again.
 
-    Before this state, the current ramps through the currents of all earlier states again.
+    The run then continues with the state number `state`.
     """
 
     event: ClassVar[str] = "resumed"
@@ -202,7 +196,7 @@ class Resumed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequested(Event):
-    """A signal asked the run to stop, and the run stops. `signal` is the name of the signal, such as SIGINT."""
+    """A signal asked the run to stop. `signal` is the name of the signal, such as SIGINT."""
 
     event: ClassVar[str] = "stop_requested"
     signal: str
@@ -232,7 +226,7 @@ class Warned(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class FramesLost(Event):
-    """Some frames did not arrive completely, and none of these frames is stored. The run continues.
+    """Some frames did not arrive completely and are not stored. The run continues.
 
     `state` is the number of the state (load step) during which the frames were exposed; null at other times. `frames`
     is the number of lost frames. `reasons` gives the number of lost frames for each reason that the camera driver
@@ -247,11 +241,11 @@ class FramesLost(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class InterlockOpened(Event):
-    """A reading left the bounds of its interlock, or the reading did not come. The run ends with the coil off.
+    """A reading left its bounds or did not come. The run ends with the coil off.
 
     `reading` is the name of the reading in the rig file. `value` is the value in the unit of the reading; null if no
-    value came. `minimum`, `maximum` and `longest_silence_s` are the bounds in the rig file; a bound that the rig file
-    does not give is null. `silent_s` is the time since the last value if this time was too long; otherwise null.
+    value came. `minimum`, `maximum` and `longest_silence_s` are the bounds in the rig file; null if not given.
+    `silent_s` is the time since the last value if this time was too long; otherwise null.
     """
 
     event: ClassVar[str] = "interlock_opened"
@@ -276,13 +270,12 @@ class Fault(Event):
 class OffConfirmed(Event):
     """The coil is off.
 
-    `by` is the process that switched the coil off. `determined_by` tells how the program knows that the coil is off:
-    "commanded" means that the supply reports a set-point of zero and an output that is off, and "measured" means that
-    in addition the measured current is below a limit. `current_A` and `limit_A` are this current and this limit; null
-    if the supply cannot measure. The guardian process switches the coil off if the run dies. `takeover` is the reason
-    why the guardian did so; null if the run switched the coil off. `run_killed` is true if the guardian killed the run
-    before switching off. `address` is the address of the supply; empty if the run switched the coil off. `remark`
-    describes failures before the coil was off, in words; usually empty.
+    `by` is the process that switched the coil off: the run, or the guardian process if the run cannot do it.
+    `determined_by` is "commanded" if the supply reports a set-point of zero and an output that is off, and "measured"
+    if in addition the measured current `current_A` is below the limit `limit_A`. Both are null if the supply cannot
+    measure. `takeover` is the reason why the guardian switched the coil off; otherwise null. `run_killed` is true if
+    the guardian killed the run before. `address` is the address of the supply; empty if the run switched the coil off.
+    `remark` describes failures before the coil was off, in words; usually empty.
     """
 
     event: ClassVar[str] = "off_confirmed"
@@ -309,14 +302,13 @@ def off_confirmed(
     Parameters
     ----------
     off : Off or None
-        The measured current and the limit below which the coil counts as off; None if the supply cannot measure.
+        The measured current and the largest current that counts as off; None if the supply cannot measure.
     by : str
         The process that switched the coil off: "run" or "guardian".
     takeover : str or None
-        The reason why the guardian process switched the coil off; None if the run switched it off. The guardian process
-        switches the coil off if the run dies.
+        The reason why the guardian process switched the coil off; None if the run did it.
     run_killed : bool
-        Whether the guardian process killed the run before it switched the coil off.
+        Whether the guardian process killed the run before.
     address : str
         Address of the supply; empty if the run switched the coil off.
     remark : str
@@ -338,9 +330,9 @@ def off_confirmed(
 class OffNotConfirmed(Event):
     """The coil could not be confirmed off. It may still be on.
 
-    `by` is the process that tried to switch the coil off. `reason` tells a person why this failed. `current_A` and
-    `limit_A` are the measured current and the limit below which the coil counts as off; null if no current was
-    measured. `takeover` is the reason why the guardian process tried, which switches the coil off if the run dies; null
+    `by` is the process that tried to switch the coil off: the run, or the guardian process if the run cannot do it.
+    `reason` tells a person why this failed. `current_A` and `limit_A` are the measured current and the limit below
+    which the coil counts as off; null if no current was measured. `takeover` is the reason why the guardian tried; null
     if the run tried. `run_killed` is true if the guardian killed the run before. `trying_process` is the number of the
     process that continues to try; null if no process tries.
     """
@@ -359,7 +351,7 @@ class OffNotConfirmed(Event):
 class GuardianTookOver(Event):
     """The guardian process begins to switch the coil off: the run has died, stands still, or cannot do it itself.
 
-    `takeover` is the reason why the guardian begins. `address` is the address of the supply.
+    `takeover` is the reason. `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "guardian_took_over"
@@ -371,9 +363,7 @@ class GuardianTookOver(Event):
 class RunKilled(Event):
     """The guardian process kills the run, because the run stands still and occupies the connection to the supply.
 
-    The guardian is the process that switches the coil off in place of the run.
-
-    `reason` tells why the guardian's attempt to switch the coil off failed. `address` is the address of the supply.
+    `reason` tells why the coil could not be switched off before. `address` is the address of the supply.
     """
 
     event: ClassVar[str] = "run_killed"
@@ -383,10 +373,9 @@ class RunKilled(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class EmulatedSupplyGone(Event):
-    """The emulated (simulated) supply and its pseudo-terminal do not exist any more.
+    """The emulated (simulated) supply does not exist any more, so that the guardian process has nothing to switch off.
 
-    The guardian process, which switches the coil off if the run dies, therefore has nothing to switch off. `takeover`
-    is the reason why the guardian tried to switch the supply off.
+    `takeover` is the reason why the guardian process tried to switch the supply off.
     """
 
     event: ClassVar[str] = "emulated_supply_gone"
